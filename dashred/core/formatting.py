@@ -49,13 +49,6 @@ def with_error(value: float, std: float) -> str:
     return " ± ".join(rounded(value, std))
 
 
-def probability(p: float) -> str:
-    """Format a probability: ``3e−05``, ``< 1e−12``, ``0.21``."""
-    if p < 1e-12:
-        return f"< 1e{MINUS}12"
-    return (f"{p:.2f}" if p >= 0.01 else f"{p:.0e}").replace("-", MINUS)
-
-
 def percent(share: float) -> str:
     """Format a share as percent: ``39 %``."""
     return f"{share:.0%}".replace("%", " %")

@@ -78,6 +78,10 @@ class Recording:
         inside = (self.times >= first) & (self.times <= last)
         return replace(self, times=self.times[inside], values=self.values[inside])
 
+    def samples(self, part: slice) -> Recording:
+        """Return some of the samples."""
+        return replace(self, times=self.times[part], values=self.values[part])
+
     def sha256(self) -> str:
         """Hash of the contents (sensors, times, values), independent of the file format."""
         sensors = [[s.name, s.reads, list(s.position), s.std] for s in self.sensors]

@@ -39,12 +39,14 @@ class Shape:
         names: of the unknowns, positions first, then the log of a width; they contain a space, so
             that they are not names of the equation language.
         expression: χ in terms of the unknowns, coordinates, ``t`` and fields.
+        axis: the axis of a box; None of other windows.
     """
 
     kind: Literal["box", "onset", "gate above", "gate below"]
     of: str
     names: tuple[str, ...]
     expression: Expr
+    axis: Axis | None = None
 
     @property
     def side(self) -> Literal["above", "below"] | None:
@@ -81,8 +83,11 @@ class Window:
     def __str__(self) -> str:
         """``for 10.1 < x < 16``, ``for t > 11``, ``for u > 0.6``."""
         of, place = self.shape.of, self.values[0]
-        if self.shape.kind == "box":
-            return f"for {place - self.values[1]:.3g} < {of} < {place + self.values[1]:.3g}"
+        if self.shape.axis is not None:
+            begin, end = self.shape.axis.interval(place - self.values[1], place + self.values[1])
+            if begin > end:
+                return f"for {of} > {begin:.3g} and {of} < {end:.3g}"
+            return f"for {begin:.3g} < {of} < {end:.3g}"
         return f"for {of} {'<' if self.shape.side == 'below' else '>'} {place:.3g}"
 
     @property
@@ -118,7 +123,7 @@ def box(axis: Axis) -> Shape:
     beyond = scale(-1.0, call("cos", scale(k, Name(half))))
     steepness = power(scale(k, call("sin", scale(k, Name(half)))), Number(-1.0))
     argument = multiply((add((along, beyond)), steepness, _inverse_width(edge)))
-    return Shape("box", axis.name, (centre, half, edge), _ramp(argument))
+    return Shape("box", axis.name, (centre, half, edge), _ramp(argument), axis)
 
 
 def onset() -> Shape:

@@ -146,9 +146,12 @@ def restarted_where_lost(problem: Problem, start: Tensor, path: Tensor) -> tuple
     """
     segments, sensors = _cut(problem), _state_sensors(problem)
     scale = torch.from_numpy(_sizes(segments, sensors, start.numpy(), None))
-    away = (path - start).abs() / scale
+    # The range of a field that no sensor reads is unknown.
+    reads = {sensor.reads for sensor in problem.split.fit.sensors}
+    known = torch.tensor([field in reads for field in problem.system.fields])
+    away = ((path - start).abs() / scale)[:, known]
     stands_still = bool((away.amax(dim=0) < STILL).any())
-    if bool((away < LOST).all()) and not stands_still:
+    if bool((away < LOST).all()) and bool(torch.isfinite(path).all()) and not stands_still:
         return ()
     record = segment_record(problem, start, None)
     return tuple(

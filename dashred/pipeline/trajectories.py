@@ -11,6 +11,7 @@ from dashred.core.progress import stage
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import build_forcing
 from dashred.inference.hypotheses.result import Discovery
+from dashred.physics.runs.initial_state_prior import field_rms
 from dashred.physics.solvers.simulate import simulate
 from dashred.pipeline.held_out_episode import fit_starts
 from dashred.pipeline.problem import Problem
@@ -18,6 +19,13 @@ from dashred.pipeline.simulation import NominalRun
 
 # Length of the forecast in lengths of the recording.
 FORECAST = 0.5
+# A second run begins at the fitted start, moved towards the nominal start by this share.
+SHIFT = 1e-7
+# A larger difference of two runs, in rms of the fields, does not grow exponentially.
+LINEAR = 1e-2
+# If an error of the start grows by more than this factor over the record, forecasts of a free run
+# are lost before its end.
+UNPREDICTABLE_GROWTH = 50.0
 
 
 @dataclass(frozen=True)
@@ -29,7 +37,10 @@ class Trajectories:
         recorded: number of times that belong to the recording.
         states: by method, ``(time, field, *grid)``: the uncorrected simulator from the start of
             the law (``simulation_same_start``) and from its own fitted start
-            (``simulation_refit``), and the corrected simulator (``corrected``).
+            (``simulation_refit``), and the corrected simulator (``corrected``). Without a law, the
+            first is the simulator from its nominal start.
+        growth_rate: rate at which a small error of the start of the corrected simulator grows, in
+            1/time; an estimate of the largest Lyapunov exponent.
         others: free runs of the other fitted episodes.
         whole: free runs of the episodes that are held out as a whole.
     """
@@ -37,6 +48,7 @@ class Trajectories:
     times: Tensor
     recorded: int
     states: dict[str, Tensor]
+    growth_rate: float
     others: tuple[Trajectories, ...] = ()
     whole: tuple[Trajectories, ...] = ()
 
@@ -52,29 +64,64 @@ def simulate_trajectories(
     """Run the three methods in every episode; a run that blows up is not finite afterwards."""
     best, nothing = discovery.best, discovery.uncorrected
     with stage("free runs", seconds):
-        starts = zip(problem.episodes, best.start, nothing.start, strict=True)
+        nominal_starts = [path[0] for path in (nominal.states, *nominal.others)]
         first, *others = [
-            _run(episode, best, start, refitted) for episode, start, refitted in starts
+            _run(episode, best, *starts)
+            for episode, *starts in zip(
+                problem.episodes, best.start, nothing.start, nominal_starts, strict=True
+            )
         ]
-        whole = [_run(e, best, *fit_starts(e, nominal.prior, best)) for e in problem.whole]
+        whole = [
+            _run(episode, best, *fit_starts(episode, nominal.prior, best), path[0])
+            for episode, path in zip(problem.whole, nominal.whole, strict=True)
+        ]
     return replace(first, others=tuple(others), whole=tuple(whole))
 
 
-def _run(problem: Problem, best: Law, start: Tensor, refitted: Tensor) -> Trajectories:
-    """Run one episode with the law, and without it from the same start and from its own."""
+def _run(
+    problem: Problem, best: Law, start: Tensor, refitted: Tensor, nominal: Tensor
+) -> Trajectories:
+    """Run one episode with the law, and without it from several starts.
+
+    Args:
+        problem: the episode.
+        best: the law.
+        start: fitted start with the law, ``(field, *grid)``.
+        refitted: fitted start without it.
+        nominal: start of the simulator as it is configured.
+    """
     times = problem.times
     step = float((times[1:] - times[:-1]).median())
     ahead = round(FORECAST * float(times[-1] - times[0]) / step)
     forecast = times[-1] + step * torch.arange(1, ahead + 1, dtype=torch.float64)
     all_times = torch.cat([times, forecast])
-    starts = torch.stack([start, refitted, start])
+    uncorrected = start if best.candidates else nominal
+    starts = torch.stack([uncorrected, refitted, start, start + SHIFT * (nominal - start)])
     none = torch.zeros((1, len(best.candidates)), dtype=torch.float64)
-    coefficients = torch.cat([none, none, best.coefficients[None]])
-    forcing = build_forcing(best.candidates, coefficients)
-    same_start, refit, corrected = simulate(problem.system, starts, all_times, forcing)
+    law = best.coefficients[None]
+    forcing = build_forcing(best.candidates, torch.cat([none, none, law, law]))
+    same_start, refit, corrected, shifted = simulate(problem.system, starts, all_times, forcing)
     states = {
         "simulation_same_start": same_start,
         "simulation_refit": refit,
         "corrected": corrected,
     }
-    return Trajectories(all_times, len(times), states)
+    rate = _growth_rate(times, corrected[: len(times)], shifted[: len(times)])
+    return Trajectories(all_times, len(times), states, rate)
+
+
+def _growth_rate(times: Tensor, states: Tensor, shifted: Tensor) -> float:
+    """Return the slope of the logarithm of the difference of two runs, ``(time, field, *grid)``.
+
+    The difference is in units of the rms of each field. Times after it first exceeds
+    :data:`LINEAR` are not used. It is 0 if a run blows up before.
+    """
+    rms = field_rms(states)
+    unit = torch.where(rms > 0, rms, 1.0).reshape(-1, *[1] * (states.dim() - 2))
+    size = ((shifted - states) / unit).flatten(1).square().mean(dim=1).sqrt()
+    is_large = ~(size < LINEAR)
+    count = int(is_large.int().argmax()) if is_large.any() else len(size)
+    if count < 3 or not size[:count].all():
+        return 0.0
+    passed, logarithm = times[:count] - times[:count].mean(), size[:count].log()
+    return float(passed @ logarithm / (passed @ passed))

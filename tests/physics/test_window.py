@@ -77,3 +77,24 @@ def test_unknowns_are_no_names_of_the_language() -> None:
     for shape in (box(AXIS), onset(), gate("u", 1)):
         assert not any(name.isidentifier() for name in shape.names)
         assert Name(shape.names[0]) != Name(shape.of)
+
+
+@pytest.mark.parametrize(
+    ("axis", "ends", "expected"),
+    [
+        (Axis("x", 6.0, 32), (1.0, 2.0), (1.0, 2.0)),
+        (Axis("x", 6.0, 32), (5.0, 6.5), (5.0, 0.5)),
+        (Axis("x", 6.0, 32), (-1.0, 0.5), (5.0, 0.5)),
+        (Axis("x", 6.0, 32), (5.0, 6.0), (5.0, 6.0)),
+        (Axis("x", 6.0, 32, "fixed"), (5.0, 6.5), (5.0, 6.0)),
+        (Axis("x", 6.0, 32, "fixed"), (11.0, 13.0), (0.0, 1.0)),
+    ],
+)
+def test_an_interval_is_told_in_coordinates_of_the_axis(axis: Axis, ends, expected) -> None:
+    assert axis.interval(*ends) == pytest.approx(expected)
+    begin, end = expected
+    words = f"for {begin:g} < x < {end:g}"
+    if begin > end:
+        words = f"for x > {begin:g} and x < {end:g}"
+    centre, half = sum(ends) / 2, (ends[1] - ends[0]) / 2
+    assert str(box(axis).at((centre, half, 0.0))) == words

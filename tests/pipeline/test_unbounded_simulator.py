@@ -89,3 +89,18 @@ def test_a_field_that_blows_up_in_space_is_an_error(tmp_path: Path) -> None:
     problem = build_problem(load_config([f"conf={tmp_path / 's.yaml'}"], entry="test"))
     with pytest.raises(InputError, match="blows up"):
         simulate_nominal(problem, {})
+
+
+def test_a_field_without_a_sensor_has_no_range_to_leave(tmp_path: Path) -> None:
+    text = TEXT.replace("{x: y, y: z, z: -1.1*z - 0.9*x + 0.75*x**2}", "{x: y, y: z, z: -y}")
+    (tmp_path / "circuit.yaml").write_text(text.replace("z: 0.1}\n  spread", "z: 0}\n  spread"))
+    readings = 0.1 + 0.1 * np.sin(TIMES)
+    np.savetxt(
+        tmp_path / "recording.csv",
+        np.column_stack([TIMES, readings]),
+        delimiter=",",
+        header="time,x",
+        comments="",
+    )
+    problem = build_problem(load_config([f"conf={tmp_path}/circuit.yaml"], entry="test"))
+    assert simulate_nominal(problem, {}).restarted == ()

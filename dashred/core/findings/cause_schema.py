@@ -14,7 +14,11 @@ Verdict = Literal[
     "not-converged",
     "mismatch",
     "no-mismatch-seen",
+    "unconfirmed",
 ]
+"""The verdicts. A cause has one of these kinds, too, except for `unconfirmed`: the suggested law is
+then less accurate on held-out data than the simulator from its own best start.
+"""
 
 NotConverged = Literal["window-not-reached", "law-not-fitted", "misfit-unexplained", "budget"]
 

@@ -24,6 +24,9 @@ Region = TypedDict(
 )
 """Where a term acts: ``axis, from, to`` in space, ``axis: t, from`` in time, ``field, above`` or
 ``field, below`` in the values of a field. `std` is that of each edge, `ci95` that of the threshold.
+
+`from` and `to` are coordinates of the axis, between 0 and its length. If `from` is larger than
+`to`, the region crosses the end of a periodic axis: it is above `from` and below `to`.
 """
 
 

@@ -2,7 +2,8 @@
 
 `simulation` runs from the nominal initial state, `simulation_same_start` from the initial state
 fitted with the law, and `simulation_refit` from the initial state that fits best without a law.
-`corrected` is the simulation with the law.
+`corrected` is the model as told: the simulation with the law, from the fitted initial state, and
+with the sensors corrected. Without a law, `simulation_same_start` equals `simulation`.
 """
 
 from collections.abc import Mapping

@@ -5,12 +5,13 @@ schemas of a law and of a cause are in :mod:`dashred.core.findings.law_schema` a
 :mod:`dashred.core.findings.cause_schema`.
 """
 
-from collections.abc import Mapping
-from typing import Any, NotRequired, TypedDict, cast
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, NotRequired, TypedDict, cast
 
 from dashred.core.findings.cause_schema import Cause, Verdict
 from dashred.core.findings.law_schema import (
     Alternative,
+    AlternativeTerm,
     EnergyLoss,
     MissingTerm,
     ParameterChange,
@@ -60,14 +61,39 @@ class HeldOut(TypedDict):
     heldout_episode: NotRequired[ErrorsByMethod]
 
 
+HeldOutData = Literal["test_sensors", "heldout_time", "heldout_restarted", "heldout_episode"]
+
+
+class Comparison(TypedDict):
+    """Comparison of `corrected` with `simulation_refit` on one kind of held-out data.
+
+    `before` and `after` are the RMSEs without and with the law, with the sensors corrected for
+    both. `difference` is the mean of ``e_after² − e_before²``, and `error` the half width of its
+    99 % interval, or null if there are too few samples. `samples` is the number of times. The runs
+    of a chaotic system are compared until both are lost: `horizon` is the time from their beginning
+    to then. It is null if they are compared to their end. `worse` tells whether the law increases
+    the error by more than `error`.
+    """
+
+    data: HeldOutData
+    before: float
+    after: float
+    difference: float
+    error: float | None
+    samples: int
+    horizon: float | None
+    worse: bool
+
+
 class Fit(HeldOut):
     """Quality of the fit to the recording; `noise_std` is by sensor, in the sensor's unit.
 
     `noise_correlation` is the largest correlation of neighbouring samples over all quantities.
     `own_error` is the numerical error of the simulator at the start of the recording, in standard
-    deviations of the noise.
+    deviations of the noise. `comparisons` tell whether held-out data support the law.
     """
 
+    comparisons: list[Comparison]
     noise_std: dict[str, float] | None
     noise_correlation: float | None
     own_error: float | None
@@ -166,6 +192,9 @@ class Findings(TypedDict):
     `budget` exists only if the time did not suffice for everything: only then do the findings
     depend on the speed of the machine.
 
+    `also_supported` are terms that the recording supports beside the law in `terms`, but that the
+    forecast does not need.
+
     `units` are the units stated by the configuration or the recording, by name, and the unit of
     time as `t`. The key exists only if a unit is stated.
     """
@@ -174,6 +203,7 @@ class Findings(TypedDict):
     causes: list[Cause] | None
     where: Where | None
     terms: list[MissingTerm | ParameterChange] | None
+    also_supported: list[AlternativeTerm]
     alternatives: list[Alternative] | None
     smaller: list[SmallerLaw] | None
     energy: EnergyLoss | None
@@ -229,6 +259,7 @@ def new_findings(
     causes: list[Cause] | None = None,
     where: Where | None = None,
     terms: list[MissingTerm | ParameterChange] | None = None,
+    also_supported: Sequence[AlternativeTerm] = (),
     alternatives: list[Alternative] | None = None,
     smaller: list[SmallerLaw] | None = None,
     energy: EnergyLoss | None = None,
@@ -238,6 +269,7 @@ def new_findings(
 ) -> Findings:
     """Return findings in which quantities that are not given are null."""
     unfitted = Fit(
+        comparisons=[],
         noise_std=None,
         noise_correlation=None,
         own_error=None,
@@ -252,6 +284,7 @@ def new_findings(
         causes=causes,
         where=where,
         terms=terms,
+        also_supported=list(also_supported),
         alternatives=alternatives,
         smaller=smaller,
         energy=energy,

@@ -12,7 +12,13 @@ from dashred.core.job_control import last_line
 from dashred.evaluation.benchmark.plan import Row
 from dashred.evaluation.benchmark.processes import LOG
 
-FLAGGED = {"ambiguous", "not-converged", "outside-library", "unresolved-numerics"}
+FLAGGED = {
+    "ambiguous",
+    "not-converged",
+    "outside-library",
+    "unconfirmed",
+    "unresolved-numerics",
+}
 RATIOS = {
     "corrected/simulation_same_start": ("corrected", "simulation_same_start"),
     "corrected/simulation_refit": ("corrected", "simulation_refit"),

@@ -40,9 +40,9 @@ NOTE = (
     "RMSE: error of the field over the fit window, in standard deviations. Forecast: error of the "
     "corrected simulation after the end of the recording. Exact: the law has exactly the true "
     "terms (for a twin that hides nothing: none). Flagged: ambiguous, not-converged, "
-    "outside-library or unresolved-numerics. Twins without a hidden law (nothing, a sensor fault "
-    "or a distant start) are excluded from the coefficient errors and ratios of the summary. "
-    "Numbers are medians, with the largest in brackets."
+    "outside-library, unconfirmed or unresolved-numerics. Twins without a hidden law (nothing, a "
+    "sensor fault or a distant start) are excluded from the coefficient errors and ratios of the "
+    "summary. Numbers are medians, with the largest in brackets."
 )
 
 

@@ -163,11 +163,11 @@ def _failed(failed: str) -> dict[str, Any]:
 
 
 def _listed(findings: Mapping[str, Any], truth: Truth) -> bool | None:
-    """Return whether ambiguous findings list the true law; None for other verdicts."""
+    """Return whether ambiguous or unconfirmed findings list the true law; else None."""
     from dashred.evaluation.twins.candidate_laws import listed_laws
     from dashred.evaluation.twins.scoring import score_law
 
-    if findings["verdict"] != "ambiguous":
+    if findings["verdict"] not in ("ambiguous", "unconfirmed"):
         return None
     hidden = truth.concealed.parameters
     laws = listed_laws(findings)

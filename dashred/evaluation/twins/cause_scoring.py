@@ -80,8 +80,13 @@ def score_region(
 def _overlap(
     found: tuple[float, float], true: tuple[float | None, float | None], length: float
 ) -> float:
-    """Return intersection over union of two intervals on a periodic axis."""
+    """Return intersection over union of two intervals on a periodic axis.
+
+    The first may cross the end of the axis; its end is then smaller than its beginning.
+    """
     assert true[0] is not None and true[1] is not None
+    if found[0] > found[1]:
+        found = (found[0] - length, found[1])
     wide = (found[1] - found[0]) + (true[1] - true[0])
     shared = max(
         max(0.0, min(found[1] + turn, true[1]) - max(found[0] + turn, true[0]))

@@ -65,6 +65,18 @@ class SensorFault:
         kinds = (self.kind, *SPECIAL_CASES.get(self.kind, ()))
         return frozenset(f"{kind} of {self.sensor}" for kind in kinds)
 
+    def offset(self, elapsed: Tensor) -> Tensor | None:
+        """Return the error of the readings at times after the first sample, ``(time,)``.
+
+        None for a fault that does not predict an error: the readings are left out.
+        """
+        match self.kind:
+            case "bias":
+                return torch.full_like(elapsed, self.value)
+            case "drift":
+                return self.value * elapsed
+        return None
+
 
 @dataclass(frozen=True)
 class Law:

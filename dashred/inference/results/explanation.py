@@ -143,8 +143,9 @@ def _region(window: Window) -> Region:
             return {"field": of, "above": place}
         case "below":
             return {"field": of, "below": place}
-    if window.shape.kind == "box":
-        return {"axis": of, "from": place - window.values[1], "to": place + window.values[1]}
+    if window.shape.axis is not None:
+        begin, end = window.shape.axis.interval(place - window.values[1], place + window.values[1])
+        return {"axis": of, "from": begin, "to": end}
     return {"axis": of, "from": place}
 
 

@@ -68,6 +68,19 @@ class Axis:
             return place % self.length
         return self.length - abs(place % self.period - self.length)
 
+    def interval(self, begin: float, end: float) -> tuple[float, float]:
+        """Return the ends of an interval as coordinates of the axis, from 0 to its length.
+
+        On a periodic axis, an interval that crosses the end of the axis has ``begin > end``: it
+        consists of the coordinates above ``begin`` and those below ``end``. On an axis with ends,
+        the interval is cut off at the ends.
+        """
+        if self.periodic:
+            return begin % self.length, self.length - (-end) % self.length
+        turns = self.period * math.floor(((begin + end) / 2 + self.length) / self.period)
+        ends = (begin - turns, end - turns)
+        return min(max(ends[0], 0.0), self.length), min(max(ends[1], 0.0), self.length)
+
 
 @dataclass(frozen=True)
 class Grid:

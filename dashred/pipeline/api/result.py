@@ -59,7 +59,7 @@ class Result:
 
     @property
     def verdict(self) -> str:
-        """The verdict, such as ``missing-term`` or ``nothing-missing``."""
+        """The verdict, such as ``missing-term``, ``nothing-missing`` or ``unconfirmed``."""
         return str(self.findings["verdict"])
 
     @property

@@ -43,7 +43,9 @@ def figures_of(problem: Problem, analysis: Analysis, findings: Findings) -> Figu
     for number, (episode, results) in enumerate(analysis.episodes(problem), start=1):
         figures[sensor_figure_of_episode(number)] = partial(draw_traces, episode, results)
     for whole, free in zip(problem.whole, analysis.trajectories.whole, strict=True):
-        figures[HELD_OUT_EPISODE] = partial(draw_whole_episode, whole, free)
+        figures[HELD_OUT_EPISODE] = partial(
+            draw_whole_episode, whole, free, analysis.discovery.best
+        )
     if sensor_errors(problem, analysis):
         figures[SENSOR_ERRORS] = partial(draw_sensor_errors, problem, analysis)
     figures["coefficients.png"] = partial(draw_coefficients, problem, analysis.assimilated)

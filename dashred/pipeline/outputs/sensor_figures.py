@@ -7,11 +7,13 @@ from typing import Literal, cast
 
 import numpy as np
 from matplotlib.figure import Figure
+from torch import Tensor
 
 from dashred.core.findings.schema import Findings
 from dashred.core.units import time_label
 from dashred.data.recording import Recording
-from dashred.inference.fit.law import ErrorCurve
+from dashred.inference.fit.law import ErrorCurve, Law
+from dashred.inference.results.sensor_offset import sensor_offset
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.trajectories import Trajectories
@@ -59,9 +61,11 @@ def draw_forecast(problem: Problem, analysis: Analysis) -> Figure:
     """Draw the sensors and the free runs through the held-out time and the forecast."""
     free, heldout = analysis.trajectories, problem.split.heldout
     recorded = _recorded(problem, list(heldout.names))
-    operator = problem.operator(heldout)
     traces = {
-        name: operator(free.states[name]).numpy() for name in ("simulation_refit", "corrected")
+        "simulation_refit": problem.operator(heldout)(free.states["simulation_refit"]).numpy(),
+        "corrected": _corrected_readings(
+            problem, heldout, analysis.discovery.best, free.states["corrected"], free.times
+        ),
     }
     return forecast_figure(
         free.times.numpy(),
@@ -122,12 +126,16 @@ def all_sensors(problem: Problem) -> Recording:
     return Recording(tuple(sensors.values()), problem.times.numpy(), recorded)
 
 
-def draw_whole_episode(problem: Problem, free: Trajectories) -> Figure:
+def draw_whole_episode(problem: Problem, free: Trajectories, law: Law) -> Figure:
     """Draw the episode that was held out as a whole, with free runs from its beginning."""
     recording = all_sensors(problem)
-    operator, total = problem.operator(recording), len(problem.times)
-    methods = ("simulation_refit", "corrected")
-    traces = {name: operator(free.states[name][:total]).numpy() for name in methods}
+    states = free.over(slice(len(problem.times)))
+    traces = {
+        "simulation_refit": problem.operator(recording)(states["simulation_refit"]).numpy(),
+        "corrected": _corrected_readings(
+            problem, recording, law, states["corrected"], problem.times
+        ),
+    }
     return draw_sensors(problem, recording, traces)
 
 
@@ -155,12 +163,32 @@ def draw_traces(problem: Problem, analysis: Analysis) -> Figure:
     total, count = len(problem.times), len(split.fit.times)
     states = analysis.trajectories.states["corrected"][:total]
     traces = {"simulation": operator(analysis.nominal.states).numpy()}
-    traces["corrected"] = operator(states).numpy()
+    traces["corrected"] = _corrected_readings(
+        problem, recording, analysis.discovery.best, states, problem.times
+    )
     for method in ("shred", "dashred"):
         readings = operator(analysis.estimates(count)[method]).numpy()
         traces[method] = np.full((total, len(sensors)), np.nan)
         traces[method][:count] = readings
     return draw_sensors(problem, recording, traces)
+
+
+def _corrected_readings(
+    problem: Problem, recording: Recording, law: Law, states: Tensor, times: Tensor
+) -> np.ndarray:
+    """Return the readings of the corrected simulator, ``(time, sensor)``.
+
+    They contain the bias or the drift of a faulty sensor.
+
+    Args:
+        problem: the episode.
+        recording: gives the sensors.
+        law: the explanation.
+        states: of the corrected simulator, ``(time, field, *grid)``.
+        times: of these states, ``(time,)``.
+    """
+    offset = sensor_offset(law, recording.names, times - times[0])
+    return problem.operator(recording)(states).numpy() + np.nan_to_num(offset)
 
 
 def _recorded(problem: Problem, names: list[str]) -> np.ndarray:

@@ -32,6 +32,7 @@ def verify(problem: Problem, analysis: BlackBoxAnalysis) -> Findings:
     findings = new_findings(
         source,
         fit=Fit(
+            comparisons=[],
             noise_std=problem.noise,
             noise_correlation=None,
             own_error=None,

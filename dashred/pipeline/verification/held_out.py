@@ -1,122 +1,77 @@
-"""RMSE on held-out data: test sensors, held-out time, and held-out episodes."""
+"""Predictions and RMSE on held-out data: test sensors, held-out time, and held-out episodes."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from torch import Tensor
 
 from dashred.core.findings.methods import AT_SENSORS
-from dashred.core.findings.schema import HeldOut, errors_by_method
+from dashred.core.findings.schema import HeldOut, HeldOutData, errors_by_method
+from dashred.data.recording import Recording
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.problem import Problem
+from dashred.pipeline.verification.predictions import Array, Predictions, predict
 from dashred.pipeline.verification.restart import restart
 
-# By method: the RMSE, and over how many values it is.
-Errors = dict[str, tuple[float, int]]
+HeldOutPredictions = Mapping[HeldOutData, list[Predictions]]
+"""Predictions by kind of held-out data: one for each episode, or several forecasts of each."""
 
 
-def held_out_errors(problem: Problem, analysis: Analysis) -> HeldOut:
-    """Return the RMSE of every method: at the test sensors, in the held-out time, and on.
-
-    Of several episodes over all samples together.
-    """
+def predict_held_out(problem: Problem, analysis: Analysis) -> HeldOutPredictions:
+    """Return the predictions of every method for all held-out data."""
     episodes = analysis.episodes(problem)
-    results = HeldOut(
-        test_sensors=errors_by_method(**_pooled_rmse(_test_errors, episodes)),
-        heldout_time=errors_by_method(**_pooled_rmse(_heldout_errors, episodes)),
-        heldout_restarted=errors_by_method(**_pooled_rmse(_restarted_errors, episodes)),
-    )
+    law = analysis.discovery.best
+    found: dict[HeldOutData, list[Predictions]] = {
+        "test_sensors": [_at_test_sensors(*each) for each in episodes],
+        "heldout_time": [_in_heldout_time(*each) for each in episodes],
+        "heldout_restarted": [part for each in episodes for part in _restarted(*each)],
+    }
     if problem.whole:
-        results["heldout_episode"] = errors_by_method(**_held_out_episode_errors(problem, analysis))
-    return results
+        [whole], [simulated] = problem.whole, analysis.nominal.whole
+        [free] = analysis.trajectories.whole
+        ends = slice(len(whole.split.fit.times), len(whole.times))
+        states = {"simulation": simulated, **free.states}
+        runs = {name: path[ends] for name, path in states.items()}
+        scale = _fitted_scale(whole, problem.episodes)
+        found["heldout_episode"] = [
+            predict(whole, whole.split.heldout, scale, law, runs, free.growth_rate)
+        ]
+    return found
 
 
-def _pooled_rmse(
-    errors: Callable[[Problem, Analysis], Errors], episodes: Sequence[tuple[Problem, Analysis]]
-) -> dict[str, float]:
-    """Return the RMSE of each method pooled over the samples of all episodes."""
-    results = [errors(problem, analysis) for problem, analysis in episodes]
-    if len(results) == 1:
-        return {name: rmse for name, (rmse, _) in results[0].items()}
-    pooled = {}
-    for name in results[0]:
-        seen = [(rmse, count) for rmse, count in (each[name] for each in results) if count]
-        total = sum(count for _, count in seen)
-        squares = sum(rmse**2 * count for rmse, count in seen)
-        pooled[name] = math.sqrt(squares / total) if total else math.nan
-    return pooled
-
-
-def _test_errors(problem: Problem, analysis: Analysis) -> Errors:
-    split = problem.split
-    tested = split.tested.between(float(problem.times[0]), split.time_end)
-    if not tested.sensors:
-        return {}
-    operator, scale = problem.operator(tested), tested.trace_scale()
-    count = int((~np.isnan(tested.values)).sum())
-    return {
-        name: (relative_rmse(operator(states).numpy(), tested.values, scale), count)
-        for name, states in analysis.estimates(len(tested.times)).items()
-        if name in AT_SENSORS
+def held_out_errors(predictions: HeldOutPredictions) -> HeldOut:
+    """Return the RMSE of every method; of several episodes over all samples together."""
+    rmse = {
+        data: errors_by_method(
+            **{
+                method: pooled_rmse(parts, method)
+                for method in AT_SENSORS
+                if any(method in part.read for part in parts)
+            }
+        )
+        for data, parts in predictions.items()
     }
-
-
-def _heldout_errors(problem: Problem, analysis: Analysis) -> Errors:
-    total = len(problem.times)
-    begin = total - len(problem.split.heldout.times)
-    ends = {"simulation": analysis.nominal.states, **analysis.trajectories.states}
-    runs = {name: states[begin:total] for name, states in ends.items()}
-    return _errors_at_heldout_times(problem, runs, [problem])
-
-
-def _restarted_errors(problem: Problem, analysis: Analysis) -> Errors:
-    corrected = analysis.trajectories.states["corrected"][: len(problem.split.fit.times)]
-    restarted = restart(problem, analysis.discovery.best, corrected)
-    return _errors_at_heldout_times(problem, restarted, [problem])
-
-
-def _held_out_episode_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
-    """Return the RMSE of free runs after the fitted beginning of the held-out episode."""
-    [whole], [simulated], [free] = (
-        problem.whole,
-        analysis.nominal.whole,
-        analysis.trajectories.whole,
+    errors = HeldOut(
+        test_sensors=rmse["test_sensors"],
+        heldout_time=rmse["heldout_time"],
+        heldout_restarted=rmse["heldout_restarted"],
     )
-    ends = slice(len(whole.split.fit.times), len(whole.times))
-    states = {"simulation": simulated, **free.states}
-    runs = {name: path[ends] for name, path in states.items()}
-    errors = _errors_at_heldout_times(whole, runs, problem.episodes)
-    return {name: rmse for name, (rmse, _) in errors.items()}
+    if "heldout_episode" in rmse:
+        errors["heldout_episode"] = rmse["heldout_episode"]
+    return errors
 
 
-def _errors_at_heldout_times(
-    problem: Problem, runs: Mapping[str, Tensor], fitted: Sequence[Problem]
-) -> Errors:
-    """Return the RMSE over the held-out time, in std of each trace in the fit window."""
-    heldout = problem.split.heldout
-    scale = np.array([_fitted_std(name, fitted) for name in heldout.names])
-    operator = problem.operator(heldout)
-    count = int((~np.isnan(heldout.values)).sum())
-    return {
-        name: (relative_rmse(operator(states).numpy(), heldout.values, scale), count)
-        for name, states in runs.items()
-    }
+def pooled_rmse(parts: Sequence[Predictions], method: str) -> float:
+    """Return the RMSE of a method over all sensors and episodes, in units of the scales."""
+    errors = np.concatenate([part.errors(method).ravel() for part in parts])
+    is_missing = np.concatenate([np.isnan(part.recorded).ravel() for part in parts])
+    return relative_rmse(errors, np.where(is_missing, np.nan, 0.0), np.ones(1))
 
 
-def _fitted_std(name: str, fitted: Sequence[Problem]) -> float:
-    """Return the std of a trace in the fit window, as rms over several episodes."""
-    stds = []
-    for problem in fitted:
-        split = problem.split
-        part = split.fit if name in split.fit.names else split.validation
-        stds.append(float(part.select([name]).trace_scale()[0]))
-    return stds[0] if len(stds) == 1 else math.sqrt(sum(std**2 for std in stds) / len(stds))
-
-
-def relative_rmse(read: np.ndarray, recorded: np.ndarray, scale: np.ndarray) -> float:
+def relative_rmse(read: Array, recorded: Array, scale: Array) -> float:
     """Return the RMSE over all sensors in units of their std; infinite if a run blows up.
 
     Only missing recorded samples are excluded; simulated values that are not finite are included.
@@ -127,3 +82,54 @@ def relative_rmse(read: np.ndarray, recorded: np.ndarray, scale: np.ndarray) -> 
     with np.errstate(over="ignore"):
         rmse = float(np.sqrt(np.mean(np.square(((read - recorded) / scale)[seen]))))
     return math.inf if math.isnan(rmse) else rmse
+
+
+def _at_test_sensors(problem: Problem, analysis: Analysis) -> Predictions:
+    split = problem.split
+    tested = split.tested.between(float(problem.times[0]), split.time_end)
+    estimates = analysis.estimates(len(tested.times)) if tested.sensors else {}
+    states = {name: path for name, path in estimates.items() if name in AT_SENSORS}
+    law, growth = analysis.discovery.best, analysis.trajectories.growth_rate
+    return predict(problem, tested, tested.trace_scale(), law, states, growth)
+
+
+def _in_heldout_time(problem: Problem, analysis: Analysis) -> Predictions:
+    total = len(problem.times)
+    begin = total - len(problem.split.heldout.times)
+    ends = {"simulation": analysis.nominal.states, **analysis.trajectories.states}
+    runs = {name: states[begin:total] for name, states in ends.items()}
+    return _over_heldout_time(problem, analysis, problem.split.heldout, runs)
+
+
+def _restarted(problem: Problem, analysis: Analysis) -> list[Predictions]:
+    free, heldout = analysis.trajectories, problem.split.heldout
+    corrected = free.states["corrected"][: len(problem.split.fit.times)]
+    forecasts = restart(problem, analysis.discovery.best, corrected, free.growth_rate)
+    return [
+        _over_heldout_time(problem, analysis, heldout.samples(part), runs)
+        for part, runs in forecasts
+    ]
+
+
+def _over_heldout_time(
+    problem: Problem, analysis: Analysis, heldout: Recording, runs: Mapping[str, Tensor]
+) -> Predictions:
+    scale = _fitted_scale(problem, [problem])
+    law, rate = analysis.discovery.best, analysis.trajectories.growth_rate
+    return predict(problem, heldout, scale, law, runs, rate)
+
+
+def _fitted_scale(problem: Problem, fitted: Sequence[Problem]) -> Array:
+    """Return the std of the held-out sensors' traces in the fit window, ``(sensor,)``."""
+    names = problem.split.heldout.names
+    return np.array([_fitted_std(name, fitted) for name in names])
+
+
+def _fitted_std(name: str, fitted: Sequence[Problem]) -> float:
+    """Return the std of a trace in the fit window, as rms over several episodes."""
+    stds = []
+    for problem in fitted:
+        split = problem.split
+        part = split.fit if name in split.fit.names else split.validation
+        stds.append(float(part.select([name]).trace_scale()[0]))
+    return stds[0] if len(stds) == 1 else math.sqrt(sum(std**2 for std in stds) / len(stds))

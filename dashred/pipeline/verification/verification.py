@@ -33,8 +33,9 @@ from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
 from dashred.pipeline.outputs.corrected_config import write_corrected
 from dashred.pipeline.outputs.field_files import episodes_dataset
 from dashred.pipeline.problem import Problem
+from dashred.pipeline.verification.comparison import compare_held_out, confirmed
 from dashred.pipeline.verification.energy import energy_loss
-from dashred.pipeline.verification.held_out import held_out_errors
+from dashred.pipeline.verification.held_out import held_out_errors, predict_held_out
 from dashred.pipeline.verification.numerical_error import numerical_error
 from dashred.pipeline.verification.spent_budget import blame_budget, note_budget
 from dashred.pipeline.verification.structure import structure_change
@@ -49,15 +50,19 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     left = unexplained_share(
         problem.noise_of(names).repeat(len(problem.episodes)), discovered.noise
     )
+    predictions = predict_held_out(problem, analysis)
+    comparisons = compare_held_out(predictions)
     kind, causes = verdict(discovered, left, problem.fault_details)
+    kind = confirmed(kind, discovered.best, comparisons)
     fit = Fit(
+        comparisons=comparisons,
         # The noise is the same in all episodes.
         noise_std=problem.noise | dict(zip(names, discovered.noise.std.tolist(), strict=False)),
         noise_correlation=float(discovered.noise.correlation.max()),
         own_error=numerical_error(problem, discovered.best, discovered.noise.std[: len(names)]),
         chi2=discovered.best.chi2,
         unexplained=left,
-        **held_out_errors(problem, analysis),
+        **held_out_errors(predictions),
     )
     proposed = {n: proposals(problem, f) for n, f in analysis.assimilated.proposals.items()}
     latent = Latent(alg1=proposed["alg1"], alg2=proposed["alg2"])

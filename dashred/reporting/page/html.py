@@ -15,7 +15,13 @@ from dashred.reporting.page.method import method_rows, provenance_rows
 from dashred.reporting.page.views import read_figures
 from dashred.reporting.text import verdict
 from dashred.reporting.text.headline import headline
-from dashred.reporting.text.improvement import UNTESTED, assimilation_gains, improvements
+from dashred.reporting.text.improvement import (
+    UNTESTED,
+    assimilation_gains,
+    contradictions,
+    improvements,
+    reference,
+)
 
 TEMPLATE = "reporting/page/templates/report.html.j2"
 NOTEBOOK_TEMPLATE = "reporting/page/templates/notebook.html.j2"
@@ -62,11 +68,11 @@ def page(
         consequences=verdict.consequences(findings),
         terms=sections.terms_table(terms),
         probabilities=sections.cause_probabilities(findings["causes"] or []),
-        certainty=verdict.certainty(findings),
+        other_laws=verdict.other_laws(findings),
         alternatives=sections.alternatives_table(findings["alternatives"] or []),
         errors=sections.errors_table(fit),
-        improvements=[*improvements(fit), *assimilation_gains(findings)],
-        heldout=fit["heldout_time"] or {},
+        improvements=[*improvements(findings), *assimilation_gains(findings)],
+        forecast_errors=_forecast_errors(findings),
         inputs=system.get("inputs"),
         unexplained=sections.unexplained(findings),
         limits=verdict.limits(findings),
@@ -77,6 +83,13 @@ def page(
         figures={place: read_figures(figures.get(place, {})) for place in OF_EQUATIONS},
         summary=summary,
     )
+
+
+def _forecast_errors(findings: Mapping[str, Any]) -> list[str]:
+    """Return the errors in the held-out time with the correction and without it; or nothing."""
+    errors = findings["fit"]["heldout_time"] or {}
+    known = [errors.get("corrected"), errors.get(reference(findings["verdict"]))]
+    return [] if None in known else [f"{error:.3g}" for error in known]
 
 
 def notebook_html(findings: Mapping[str, Any], main_effects: Sequence[str] = ()) -> str:
@@ -102,4 +115,5 @@ def _statements(findings: Mapping[str, Any]) -> list[str]:
         return []
     causes = [] if kind == "outside-library" else verdict.causes(findings)
     description = verdict.VERDICTS.get(kind, "see findings.json")
-    return [f"Verdict: {kind}: {description}.", *causes, *verdict.law(findings)]
+    contradicted = contradictions(findings)
+    return [f"Verdict: {kind}: {description}.", *contradicted, *causes, *verdict.law(findings)]

@@ -5,6 +5,7 @@ from typing import Any
 
 from dashred.core.formatting import number
 from dashred.reporting.text.causes import fault_causes
+from dashred.reporting.text.improvement import OTHER_CAUSES, reference
 from dashred.reporting.text.parameters import short_parameter_text
 from dashred.reporting.text.verdict import FEW, sentence
 
@@ -25,7 +26,8 @@ def headline(findings: Mapping[str, Any], mostly: Sequence[str] = ()) -> str:
         findings: of ``findings.json``.
         mostly: of many terms, the effects of the few that explain nearly all.
     """
-    improvement = _improvement(findings["fit"]) if findings["terms"] else None
+    is_corrected = findings["terms"] or findings["verdict"] in OTHER_CAUSES
+    improvement = _improvement(findings) if is_corrected else None
     # A fault that is the verdict is in the conclusion.
     has_law = findings["verdict"] in ("missing-term", "parameter", "outside-library")
     faults = _faults(findings) if has_law else None
@@ -33,16 +35,23 @@ def headline(findings: Mapping[str, Any], mostly: Sequence[str] = ()) -> str:
     return " ".join(sentence(text) for text in texts if text)
 
 
-def gain(fit: Mapping[str, Any]) -> tuple[str, float] | None:
-    """Return the first held-out data there are, and by what factor the law reduces the error.
+def gain(findings: Mapping[str, Any]) -> tuple[str, float] | None:
+    """Return the first held-out data there are, and the factor by which the error decreases.
 
-    The reference is the simulation without the law from its own best start.
+    For an unconfirmed law they are the first data that contradict it. A law is compared with the
+    simulation from its own best start, over the times at which they can be predicted.
     """
+    verdict, fit = findings["verdict"], findings["fit"]
+    compared = {each["data"]: each for each in fit.get("comparisons", ())}
     for key in PLACES:
         errors = fit.get(key) or {}
-        refit, corrected = errors.get("simulation_refit"), errors.get("corrected")
-        if refit is not None and corrected is not None and refit > 0 and corrected > 0:
-            return key, refit / corrected
+        before, after = errors.get(reference(verdict)), errors.get("corrected")
+        if findings["terms"] and key in compared:
+            before, after = compared[key]["before"], compared[key]["after"]
+        if verdict == "unconfirmed" and not compared.get(key, {}).get("worse"):
+            continue
+        if before is not None and after is not None and before > 0 and after > 0:
+            return key, before / after
     return None
 
 
@@ -74,6 +83,11 @@ def _conclusion(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
         case "outside-library":
             best = f"; the nearest law is {missing}" if missing else ""
             return f"the simulation lacks an effect that no term of the library expresses{best}"
+        case "unconfirmed":
+            return (
+                "there is no confirmed result: the search suggests "
+                f"{_listed(effects + changed, mostly)}, but the held-out data contradict it"
+            )
         case "ambiguous":
             best = f"; the best guess is {_listed(effects + changed, mostly)}" if terms else ""
             return f"several explanations fit this recording about equally well{best}"
@@ -104,16 +118,17 @@ def _listed(parts: Sequence[str], mostly: Sequence[str] = ()) -> str:
     return f"mostly {' and '.join(dict.fromkeys(mostly))} ({len(parts)} terms in all)"
 
 
-def _improvement(fit: Mapping[str, Any]) -> str | None:
-    found = gain(fit)
+def _improvement(findings: Mapping[str, Any]) -> str | None:
+    found = gain(findings)
     if found is None:
         return None
     key, ratio = found
+    change = "unchanged"
     if ratio >= SAME:
-        return f"with this correction, the error {PLACES[key]} is {_times(ratio)} smaller"
-    if ratio > 1 / SAME:
-        return f"with this correction, the error {PLACES[key]} is unchanged"
-    return f"with this correction, the error {PLACES[key]} is {_times(1 / ratio)} larger"
+        change = f"{_times(ratio)} smaller"
+    elif ratio <= 1 / SAME:
+        change = f"{_times(1 / ratio)} larger"
+    return f"with this correction, the error {PLACES[key]} is {change}"
 
 
 def _times(ratio: float) -> str:

@@ -4,12 +4,15 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from dashred.core.formatting import number
+from dashred.core.formatting import number, rounded
+from dashred.core.units import NO_UNITS, TIME, with_unit
 
 # A run whose error, in standard deviations of the readings, is larger than this has diverged.
 HUGE = 1e4
 # Verdicts for a simulator that is given as snapshots: no law was fitted through it.
 UNTESTED = ("mismatch", "no-mismatch-seen")
+# Verdicts whose correction is a start or a sensor.
+OTHER_CAUSES = ("initial-condition", "sensor-fault")
 HELD_OUT = {
     "test_sensors": "At the test sensors",
     "heldout_time": "In the held-out time",
@@ -18,23 +21,68 @@ HELD_OUT = {
 }
 
 
-def improvements(fit: Mapping[str, Any]) -> list[str]:
-    """Return the errors with the law and without it, from both starts."""
-    lines = []
+def reference(verdict: str | None) -> str:
+    """Return the method that the corrected simulation is compared with.
+
+    It is the simulation from its own best start. If the start itself is the correction, it is the
+    simulation from its nominal start.
+    """
+    return "simulation_same_start" if verdict == "initial-condition" else "simulation_refit"
+
+
+def improvements(findings: Mapping[str, Any]) -> list[str]:
+    """Return the errors of the corrected simulation, and of the simulation from both starts."""
+    lines, verdict, fit = [], findings["verdict"], findings["fit"]
+    start = "the same start" if findings["terms"] else "its nominal start"
+    best = "its best start"
+    if verdict == "initial-condition":
+        best += " within the stated spread"
     for key, place in HELD_OUT.items():
-        errors = fit.get(key, {})
+        errors = fit.get(key) or {}
         names = ("simulation_same_start", "simulation_refit", "corrected")
         same_start, refit, corrected = (errors.get(name) for name in names)
         if refit is None and corrected is None:
             continue
         parts = [
-            f"{_size(refit)} for the simulation from its best start",
+            f"{_size(refit)} for the simulation from {best}",
             f"{_size(corrected)} for the corrected simulation",
         ]
         if same_start is not None:
-            parts.insert(0, f"{_size(same_start)} for the simulation")
-        lines.append(f"{place} the error is {', '.join(parts)}: {_factor(refit, corrected)}.")
+            parts.insert(0, f"{_size(same_start)} for the simulation from {start}")
+        # After a restart, the start of the recording has no effect.
+        before = refit if key == "heldout_restarted" else errors.get(reference(verdict))
+        change = _factor(before, corrected)
+        lines.append(
+            f"{place} the error is {', '.join(parts)}: {change}.{_predictable(findings, key)}"
+        )
     return lines
+
+
+def contradictions(findings: Mapping[str, Any]) -> list[str]:
+    """Return the comparisons with held-out data that contradict an unconfirmed law."""
+    if findings["verdict"] != "unconfirmed":
+        return []
+    return [
+        f"{HELD_OUT[each['data']]} the error is {_size(each['after'])} with the suggested law, and "
+        f"{_size(each['before'])} for the simulation from its best start. The mean squared error "
+        f"is larger by {' ± '.join(rounded(each['difference'], each['error']))} (99 % interval)."
+        for each in findings["fit"]["comparisons"]
+        if each["worse"]
+    ]
+
+
+def _predictable(findings: Mapping[str, Any], key: str) -> str:
+    """Return the errors up to the time at which both runs of a chaotic system are lost."""
+    for each in findings["fit"].get("comparisons", ()):
+        if each["data"] == key and each["horizon"] is not None:
+            before, after = each["before"], each["after"]
+            horizon = with_unit(f"{each['horizon']:.3g}", findings.get("units", NO_UNITS).get(TIME))
+            return (
+                f" The system is chaotic: errors of a run grow until it is lost. In the first "
+                f"{horizon} of a run the error is {_size(before)} from the best start and "
+                f"{_size(after)} with the correction: {_factor(before, after)}."
+            )
+    return ""
 
 
 def resolution_warning(fit: Mapping[str, Any]) -> list[str]:

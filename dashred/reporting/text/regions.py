@@ -1,4 +1,7 @@
-"""Where a law acts, as text: ``for 10.1 < x < 16.0 m``, ``u > 1.76 (…)``."""
+"""Where a law acts, as text: ``for 10.1 < x < 16.0 m``, ``u > 1.76 (…)``.
+
+A region that crosses the end of a periodic axis is written in two parts: ``x > 5.4 and x < 0.9``.
+"""
 
 from collections.abc import Mapping
 
@@ -12,8 +15,8 @@ def region_text(region: Region, units: Mapping[str, str] = NO_UNITS) -> str:
     of = region.get("axis") or region["field"]
     unit = units.get(of)
     if "to" in region:
-        end = with_unit(f"{region['to']:.3g}", unit)
-        return f"for {region['from']:.3g} < {of} < {end}"
+        begin, end = f"{region['from']:.3g}", with_unit(f"{region['to']:.3g}", unit)
+        return f"for {_between(of, begin, end, is_split=region['from'] > region['to'])}"
     below = "below" in region
     edge = region["below"] if below else region["from"] if "from" in region else region["above"]
     return f"for {of} {'<' if below else '>'} {with_unit(f'{edge:.3g}', unit)}"
@@ -26,12 +29,17 @@ def bounds(region: Region, units: Mapping[str, str]) -> str:
     if "to" in region:
         begin, _ = rounded(region["from"], std)
         end, error = rounded(region["to"], std)
-        return f"{begin} < {of} < {with_unit(end, unit)} (± {error})"
+        is_split = region["from"] > region["to"]
+        return f"{_between(of, begin, with_unit(end, unit), is_split=is_split)} (± {error})"
     if "below" in region:
         place, error = rounded(region["below"], std)
         return f"{of} < {with_unit(place, unit)} (± {error})"
     place, error = rounded(region["from"] if "from" in region else region["above"], std)
     return f"{of} > {with_unit(place, unit)} (± {error})"
+
+
+def _between(of: str, begin: str, end: str, *, is_split: bool) -> str:
+    return f"{of} > {begin} and {of} < {end}" if is_split else f"{begin} < {of} < {end}"
 
 
 def states_text(states: ActiveStates, units: Mapping[str, str], *, in_space: bool) -> str:

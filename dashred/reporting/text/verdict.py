@@ -1,14 +1,15 @@
-"""The findings in a few sentences: the law, its certainty, its location, and its improvement."""
+"""The findings in a few sentences: the law, its rivals, its location, and its improvement."""
 
 from collections.abc import Mapping
 from typing import Any
 
-from dashred.core.formatting import number, percent, pretty, probability, rounded
+from dashred.core.formatting import number, percent, pretty, rounded
 from dashred.core.units import NO_UNITS
 from dashred.reporting.text.causes import fault_causes
 from dashred.reporting.text.improvement import (
     UNTESTED,
     assimilation_gains,
+    contradictions,
     improvements,
     resolution_warning,
 )
@@ -26,9 +27,8 @@ VERDICTS = {
     "not-converged": "the search did not converge",
     "mismatch": "the recording differs from the simulation, and snapshots alone cannot show why",
     "no-mismatch-seen": "the recording agrees with the simulation's snapshots",
+    "unconfirmed": "a law fits the recording, but the held-out data contradict it",
 }
-# A smaller p is printed as a bound.
-CERTAIN = 1e-12
 PARTS = {
     "H": "H, the energy",
     "J": "J, the exchange of energy",
@@ -51,15 +51,16 @@ def verdict_lines(findings: Mapping[str, Any]) -> list[str]:
     head = f"Verdict: {verdict}: {VERDICTS.get(verdict, 'see findings.json')}."
     unknown = limits(findings)
     body = [
+        *contradictions(findings),
         *causes(findings),
         *law(findings),
-        *certainty(findings),
+        *other_laws(findings),
         *resolution_warning(findings["fit"]),
         *location(
             findings["where"] if findings["terms"] else None, findings.get("units", NO_UNITS)
         ),
         *consequences(findings),
-        *improvements(findings["fit"]),
+        *improvements(findings),
         *assimilation_gains(findings),
         *([f"{LIMITS}:"] if unknown else []),
         *(f"- {text}" for text in unknown),
@@ -97,6 +98,8 @@ def law(findings: Mapping[str, Any]) -> list[str]:
     rivals = any(other["rival"] for other in findings["alternatives"] or [])
     undecided = findings["verdict"] == "ambiguous" or rivals
     guess = "As the best guess, " if undecided and terms else ""
+    if findings["verdict"] == "unconfirmed":
+        guess = "Suggested, but not confirmed: "
     added = [term for term in terms if term["equation"] is not None]
     missing = [term["says"] for term in added]
     if len(added) > FEW:
@@ -112,7 +115,8 @@ def law(findings: Mapping[str, Any]) -> list[str]:
         noun = "a parameter has a wrong value" if len(changed) == 1 else "parameters are wrong"
         lines.append(f"{noun}: {'; and '.join(changed)}")
     lines = [f"{guess if not index else ''}{line}" for index, line in enumerate(lines)]
-    return [sentence(line) for line in [*lines, *_main_part(findings)]]
+    parts = [*lines, *_main_part(findings), *_also_supported(findings)]
+    return [sentence(line) for line in parts]
 
 
 def main_terms(findings: Mapping[str, Any]) -> Mapping[str, Any] | None:
@@ -131,23 +135,30 @@ def _main_part(findings: Mapping[str, Any]) -> list[str]:
     return [f"of this, {alternative_text(few)} alone explains all but {left}"]
 
 
-def certainty(findings: Mapping[str, Any]) -> list[str]:
-    """Return the p-value of the law against noise alone, and the other laws that fit."""
-    lines = []
-    p = (findings["where"] or {}).get("significance")
-    if findings["terms"] and p is not None:
-        lines.append(f"Noise alone would improve the fit this much with probability p {_p(p)}.")
+def _also_supported(findings: Mapping[str, Any]) -> list[str]:
+    """Return the terms that the recording supports, but that the forecast does not need."""
+    others = findings.get("also_supported")
+    if not others:
+        return []
+    listed = ", ".join(in_symbols(term, term["region"]) for term in others)
+    noun = "this term" if len(others) == 1 else "these terms"
+    return [f"also supported: {listed}; the forecast does not need {noun}"]
+
+
+def other_laws(findings: Mapping[str, Any]) -> list[str]:
+    """Return the other laws that fit, and the best of those that do not."""
     others = findings["alternatives"] or []
-    rivals = [other for other in others if other["rival"]]
+    equal = [other for other in others if other["rival"] and other["same_as_best"]]
+    rivals = [other for other in others if other["rival"] and not other["same_as_best"]]
+    lines = []
+    if equal:
+        listed = "; ".join(map(alternative_text, equal))
+        lines.append(f"At these sensors, this law cannot be distinguished from: {listed}.")
     if rivals:
-        listed = "; ".join(
-            f"{alternative_text(r)} (ΔBIC {_difference(r)}"
-            f"{', indistinguishable at these sensors' if r['same_as_best'] else ''})"
-            for r in rivals
-        )
+        listed = "; ".join(f"{alternative_text(r)} (ΔBIC {_difference(r)})" for r in rivals)
         others_fit = "Another law fits" if len(rivals) == 1 else "Other laws fit"
         lines.append(f"{others_fit} about as well: {listed}.")
-    elif others:
+    elif others and not equal:
         nearest = min(others, key=lambda other: other["delta_bic"])
         lines.append(
             f"The next best explanation, {alternative_text(nearest)}, "
@@ -244,8 +255,3 @@ def in_symbols(term: Mapping[str, Any], where: str | None) -> str:
 
 def _difference(alternative: Mapping[str, Any]) -> str:
     return number(float(f"{alternative['delta_bic']:.2g}"))
-
-
-def _p(p: float) -> str:
-    text = probability(p)
-    return text if p < CERTAIN else f"= {text}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 
 from dashred.core.findings.law_schema import AlternativeTerm, MissingTerm, ParameterChange
 from dashred.core.findings.schema import Findings
@@ -26,10 +27,12 @@ def add_text(findings: Findings, system: System) -> Findings:
             cause["says"] = text
     for term in findings["terms"] or []:
         add_term_text(term, system)
-    for law in (*(findings["alternatives"] or []), *(findings["smaller"] or [])):
-        for term_of_law in law["terms"]:
-            window = term_of_law["window"]
-            term_of_law["region"] = None if window is None else region_text(window, system.units)
+    listed = [
+        law["terms"] for law in (*(findings["alternatives"] or []), *(findings["smaller"] or []))
+    ]
+    for other in chain(*listed, findings["also_supported"]):
+        window = other["window"]
+        other["region"] = None if window is None else region_text(window, system.units)
     where = findings["where"]
     if where is not None:
         states, in_space = where["states"], bool(system.axes)

@@ -217,6 +217,11 @@ def test_how_well_a_region_was_found(config) -> None:
     # On a ring a region is the same a turn further on.
     turned = found_in({"axis": "x", "from": 1.0 - 2 * np.pi, "to": 3.0 - 2 * np.pi, "std": 0.1})
     assert region(turned, LOCAL)["overlap"] == pytest.approx(1.0)
+    # A region that crosses the end of the ring has its end before its beginning.
+    crossing = SealedTerm("u", "u**3", -0.1, ("x", 5.4, 2 * np.pi + 0.9, 0.1))
+    around = found_in({"axis": "x", "from": 5.4, "to": 0.9, "std": 0.1})
+    assert region(around, crossing)["overlap"] == pytest.approx(1.0)
+    assert region(there, crossing)["overlap"] == 0.0
     apart = found_in({"axis": "x", "from": 4.0, "to": 5.0, "std": 0.1})
     assert region(apart, LOCAL)["overlap"] == 0.0
     later = SealedTerm("u", "u**3", -0.1, ("t", 2.0, None, 0.1))

@@ -55,6 +55,23 @@ def test_a_term_has_its_interval_and_its_text(flow: System) -> None:
             {"axis": "x", "from": 1.5, "to": 2.5, "std": pytest.approx(0.05)},
             "for 1.5 < x < 2.5",
         ),
+        (
+            box(Axis("x", 6.0, 32)),
+            (5.75, 0.75, 0.0),
+            {
+                "axis": "x",
+                "from": pytest.approx(5.0),
+                "to": pytest.approx(0.5),
+                "std": pytest.approx(0.05),
+            },
+            "for x > 5 and x < 0.5",
+        ),
+        (
+            box(Axis("x", 6.0, 32, "insulated")),
+            (0.5, 1.0, 0.0),
+            {"axis": "x", "from": 0.0, "to": pytest.approx(1.5), "std": pytest.approx(0.05)},
+            "for 0 < x < 1.5",
+        ),
         (onset(), (4.0, 0.0), {"axis": "t", "from": 4.0, "std": 0.03}, "for t > 4"),
         (gate("u", 1), (0.7, 0.0), {"field": "u", "above": 0.7, "std": 0.03}, "for u > 0.7"),
         (gate("u", -1), (0.7, 0.0), {"field": "u", "below": 0.7, "std": 0.03}, "for u < 0.7"),

@@ -62,7 +62,8 @@ def make_problem(
 def test_with_the_law_it_is_right_and_without_it_drifts(tmp_path: Path) -> None:
     problem, states = make_problem(tmp_path)
     fit = len(problem.split.fit.times)
-    runs = restart(problem, law(problem.system, states[0]), states[:fit])
+    [(part, runs)] = restart(problem, law(problem.system, states[0]), states[:fit])
+    assert part == slice(0, len(TIMES) - fit)
     assert {run.shape for run in runs.values()} == {(len(TIMES) - fit, 2)}
     before, after = (
         float((runs[name] - states[fit:]).square().mean().sqrt())
@@ -79,7 +80,7 @@ def test_nothing_of_the_held_out_time_has_a_part_in_it(tmp_path: Path) -> None:
     fit = len(problem.split.fit.times)
     assert not np.array_equal(problem.split.heldout.values, other.split.heldout.values)
     found = law(problem.system, states[0])
-    runs, again = (restart(each, found, states[:fit]) for each in (problem, other))
+    [(_, runs)], [(_, again)] = (restart(each, found, states[:fit]) for each in (problem, other))
     for name, run in runs.items():
         assert torch.equal(run, again[name])
 
@@ -88,9 +89,9 @@ def test_only_the_last_samples_are_fitted(tmp_path: Path) -> None:
     problem, states = make_problem(tmp_path)
     fit = len(problem.split.fit.times)
     found = law(problem.system, states[0])
-    runs = restart(problem, found, states[:fit])
+    [(_, runs)] = restart(problem, found, states[:fit])
     problem.split.fit.values[: fit - FIT_SAMPLES] += 3.0
-    again = restart(problem, found, states[:fit])
+    [(_, again)] = restart(problem, found, states[:fit])
     # σ keeps its floor in the traces' std, which has grown: it weighs all samples alike.
     torch.testing.assert_close(again["corrected"], runs["corrected"], rtol=1e-4, atol=1e-4)
 
@@ -102,8 +103,10 @@ def test_a_sensor_at_fault_has_no_part_in_it(tmp_path: Path) -> None:
     fit = len(problem.split.fit.times)
     sound = law(problem.system, states[0])
     faulty = replace(sound, faults=(SensorFault("bias", "p", 0.7, 0.01, None),))
-    misled, runs = (restart(problem, found, states[:fit]) for found in (sound, faulty))
-    expected = restart(alone, sound, states[:fit])
+    [(_, misled)], [(_, runs)] = (
+        restart(problem, found, states[:fit]) for found in (sound, faulty)
+    )
+    [(_, expected)] = restart(alone, sound, states[:fit])
     for name, run in expected.items():
         torch.testing.assert_close(runs[name], run, rtol=1e-6, atol=1e-6)
         assert float((misled[name] - run).abs().max()) > 0.05
@@ -111,4 +114,4 @@ def test_a_sensor_at_fault_has_no_part_in_it(tmp_path: Path) -> None:
 
 def test_without_held_out_time_there_is_nothing_to_forecast(tmp_path: Path) -> None:
     problem, states = make_problem(tmp_path)
-    assert restart(problem, law(problem.system, states[0]), states) == {}
+    assert restart(problem, law(problem.system, states[0]), states) == []

@@ -39,6 +39,7 @@ SOURCE = Input(
 
 def findings_with(latent: Latent | None = None, **errors: float) -> Any:
     fit = Fit(
+        comparisons=[],
         noise_std=None,
         noise_correlation=None,
         own_error=None,

@@ -130,7 +130,7 @@ class CaseRecord(TypedDict):
         probability: probability of the leading cause.
         causes: kinds of the causes in the findings, the leading one first.
         right: whether the verdict and the cause that it names are right.
-        listed: right, or ambiguous with the truth among the first three explanations.
+        listed: right, or flagged with the truth among the first three explanations.
         exact: whether the form of the law is exact; null if no law was sought.
         flagged: whether the findings call the verdict uncertain.
         problem: why a case has no findings.

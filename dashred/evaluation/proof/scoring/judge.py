@@ -26,7 +26,9 @@ from dashred.evaluation.twins.findings_reader import read_findings
 from dashred.evaluation.twins.scoring import law_of_findings, law_of_truth, score_law
 
 # Verdicts that state their own uncertainty.
-FLAGGED = ("ambiguous", "not-converged")
+FLAGGED = ("ambiguous", "not-converged", "unconfirmed")
+# Of these, the explanations are listed.
+LISTING = ("ambiguous", "unconfirmed")
 LAWS = ("terms", "hidden", "box", "gate", "onset")
 
 
@@ -52,7 +54,7 @@ def judge(
         "probability": causes[0]["probability"] if causes else None,
         "causes": [cause["kind"] for cause in causes],
         "right": right,
-        "listed": right or (verdict == "ambiguous" and is_listed(case, findings, case_truth)),
+        "listed": right or (verdict in LISTING and is_listed(case, findings, case_truth)),
         "exact": exact,
         "flagged": verdict in FLAGGED,
         "equation_right": _equation_right(case, findings, case_truth),
@@ -162,7 +164,7 @@ def _is_alias(findings: Mapping[str, Any], case_truth: CaseTruth) -> bool:
 
 
 def is_listed(case: Case, findings: Mapping[str, Any], case_truth: CaseTruth) -> bool:
-    """Return whether ambiguous findings list the truth among their first explanations."""
+    """Return whether findings list the truth among their first explanations."""
     truth = case_truth.truth
     parameters = truth.concealed.parameters
     if truth.terms or parameters:

@@ -92,7 +92,7 @@ def leading_right(record: CaseRecord) -> bool | None:
     if record["right"] or not record["causes"]:
         return True if record["right"] else None
     if record["kind"] == "masked":
-        return None if record["verdict"] == "ambiguous" else False
+        return None if record["verdict"] in ("ambiguous", "unconfirmed") else False
     return record["causes"][0] == TRUE_CAUSE[record["kind"]]
 
 
@@ -194,5 +194,5 @@ def shortcomings(record: CaseRecord) -> list[str]:
 
 def _describe_wrong(record: CaseRecord) -> str:
     if record["listed"]:
-        return "ambiguous, truth listed"
+        return "flagged, truth listed"
     return "wrong, flagged" if record["flagged"] else "wrong and unflagged"

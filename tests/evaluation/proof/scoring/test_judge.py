@@ -11,7 +11,7 @@ from dashred.config import frozen_input, load_config
 from dashred.evaluation.proof.cases.case_record import Kind
 from dashred.evaluation.proof.cases.draw import Case
 from dashred.evaluation.proof.cases.effect_size import CaseTruth
-from dashred.evaluation.proof.scoring.judge import is_listed, is_right
+from dashred.evaluation.proof.scoring.judge import FLAGGED, is_listed, is_right
 from dashred.evaluation.twins.sealing import Concealed as Hidden
 from dashred.evaluation.twins.sealing import SealedFault, SealedTerm
 from dashred.physics.system import System
@@ -170,3 +170,11 @@ def test_that_nothing_is_missing_is_listed_where_that_is_the_truth_alone() -> No
     told = findings("ambiguous", causes=(nothing,))
     assert is_listed(case_of("null"), told, concealed())
     assert not is_listed(case_of("numerics"), told, concealed())
+
+
+def test_an_unconfirmed_law_is_flagged_and_listed_but_not_right() -> None:
+    case, truth = case_of("terms"), concealed(V2)
+    suggested = findings("unconfirmed", term("v", "v**2"))
+    assert "unconfirmed" in FLAGGED
+    assert not is_right(case, suggested, truth) and is_listed(case, suggested, truth)
+    assert not is_right(case_of("null"), suggested, concealed())

@@ -189,7 +189,7 @@ def test_the_leading_cause_may_be_right_where_the_verdict_is_open() -> None:
     [
         (wrong(), "wrong and unflagged"),
         (wrong(flagged=True), "wrong, flagged"),
-        (case(right=False, flagged=True), "ambiguous, truth listed"),
+        (case(right=False, flagged=True), "flagged, truth listed"),
         (case(exact=False), "not the exact form"),
         (dead(), "failed: exit code -9"),
         (case(oracle=oracle(lost=7.25)), "search failure: the true form scores better by 7.25"),

@@ -1,0 +1,135 @@
+"""Held-out data reject a law that is worse beyond the error bars, and nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dashred.core.findings.schema import Comparison
+from dashred.pipeline.verification.comparison import (
+    compare_held_out,
+    confirmed,
+)
+from dashred.pipeline.verification.predictions import Array, Predictions
+from tests import laws
+
+TIMES = np.linspace(0.0, 10.0, 80)
+TRUTH = np.stack([np.sin(TIMES), np.cos(1.3 * TIMES)], axis=1)
+SIGMA = 0.05
+
+
+def predictions(
+    before: Array, after: Array, is_predictable: bool = True, seed: int = 0
+) -> Predictions:
+    """Return predictions that differ from the truth by the given errors, ``(time,)``."""
+    noise = SIGMA * np.random.default_rng(seed).standard_normal(TRUTH.shape)
+    read = {"simulation_refit": TRUTH + before[:, None], "corrected": TRUTH + after[:, None]}
+    return Predictions(
+        TIMES, TRUTH + noise, np.ones(2), read, np.zeros(TRUTH.shape), is_predictable
+    )
+
+
+def compared(part: Predictions) -> Comparison:
+    [found] = compare_held_out({"heldout_time": [part]})
+    return found
+
+
+def test_the_difference_of_the_squared_errors_is_that_of_the_runs() -> None:
+    before, after = np.full(80, 0.2), np.full(80, 0.5)
+    found = compared(predictions(before, after))
+    assert found["after"] ** 2 - found["before"] ** 2 == pytest.approx(found["difference"])
+    assert found["difference"] == pytest.approx(0.5**2 - 0.2**2, abs=0.01)
+    assert found["worse"] and found["samples"] == 80 and found["horizon"] is None
+    assert not compared(predictions(after, before))["worse"]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_equal_runs_are_not_told_apart_by_noise(seed: int) -> None:
+    shift = 0.01 * np.ones(80)
+    assert not compared(predictions(shift, -shift, seed=seed))["worse"]
+
+
+def test_an_error_that_grows_with_time_is_worse() -> None:
+    growing = 0.05 + (TIMES / 10) ** 2
+    assert compared(predictions(0.05 + 0 * TIMES, growing))["worse"]
+    assert not compared(predictions(growing, 0.05 + 0 * TIMES))["worse"]
+
+
+def test_a_run_that_is_better_in_one_half_and_worse_in_the_other_is_not_worse() -> None:
+    swing = 0.3 * np.sign(np.sin(3 * TIMES))
+    before, after = 0.3 + swing, 0.35 - swing
+    assert compared(predictions(before, after))["difference"] > 0
+    assert not compared(predictions(before, after))["worse"]
+
+
+def test_a_run_that_blows_up_is_worse() -> None:
+    lost = np.where(TIMES < 4, 0.1, np.nan)
+    found = compared(predictions(np.full(80, 0.1), lost))
+    assert found["worse"] and found["after"] == np.inf
+    assert not compared(predictions(lost, lost))["worse"]
+
+
+def test_few_samples_say_nothing() -> None:
+    few = predictions(np.zeros(80), np.ones(80)).truncate(5)
+    assert compared(few)["error"] is None and not compared(few)["worse"]
+    part = predictions(np.zeros(80), np.ones(80)).truncate(0)
+    assert compare_held_out({"heldout_time": [part]}) == []
+
+
+def test_a_chaotic_system_is_compared_until_both_runs_are_lost() -> None:
+    # Both errors saturate, the corrected one later. After that it happens to be larger.
+    before = np.where(TIMES < 3, TIMES / 2, 1.2)
+    after = np.where(TIMES < 5, TIMES / 10, 2.0)
+    assert compared(predictions(before, after))["difference"] > 0.5
+    found = compared(predictions(before, after, is_predictable=False))
+    assert not found["worse"] and found["horizon"] == pytest.approx(5.0, abs=0.2)
+    assert found["after"] < 0.5 * found["before"]
+    # The law that is lost early, while the simulation is not, is worse.
+    assert compared(predictions(0.05 + 0 * TIMES, before, is_predictable=False))["worse"]
+    # If both are lost before the held-out time begins, there is nothing to compare.
+    late = predictions(before + 2, after + 2, is_predictable=False)
+    assert compare_held_out({"heldout_time": [late]}) == []
+
+
+def test_samples_of_several_episodes_are_pooled() -> None:
+    parts = [predictions(np.full(80, 0.2), np.full(80, 0.5), seed=seed) for seed in range(6)]
+    [found] = compare_held_out({"heldout_time": [part.truncate(8) for part in parts]})
+    assert found["samples"] == 48 and found["worse"]
+    assert not compared(parts[0].truncate(8))["worse"]
+    [found] = compare_held_out({"heldout_time": [part.truncate(4) for part in parts]})
+    assert found["samples"] == 24 and found["error"] is None
+
+
+def test_missing_readings_are_not_compared() -> None:
+    part = predictions(np.full(80, 0.2), np.full(80, 0.5))
+    part.recorded[::2] = np.nan
+    part.recorded[1::4, 0] = np.nan
+    found = compared(part)
+    assert found["samples"] == 40 and found["worse"]
+
+
+def test_a_faulty_sensor_is_corrected_for_both_runs() -> None:
+    part = predictions(np.full(80, 0.1), np.full(80, 0.1))
+    offset = np.array([0.8, 0.0]) * np.ones_like(part.recorded)
+    biased = replace(part, recorded=part.recorded + offset, offset=offset)
+    assert compared(biased)["difference"] == pytest.approx(0.0, abs=1e-12)
+    # In the table of errors, only the corrected simulator knows the fault.
+    assert float(np.abs(biased.errors("simulation_refit")[:, 0]).mean()) > 0.5
+    assert float(np.abs(biased.errors("corrected")[:, 0]).mean()) < 0.2
+
+
+def test_only_a_verdict_with_a_law_becomes_unconfirmed(tmp_path: Path) -> None:
+    system = laws.declared(tmp_path)
+    law = laws.law([laws.term(system, "u", "u")], [0.1])
+    worse = compared(predictions(np.full(80, 0.2), np.full(80, 0.5)))
+    better = compared(predictions(np.full(80, 0.5), np.full(80, 0.2)))
+    assert confirmed("missing-term", law, [better, worse]) == "unconfirmed"
+    assert confirmed("ambiguous", law, [worse]) == "unconfirmed"
+    assert confirmed("missing-term", law, [better]) == "missing-term"
+    assert confirmed("missing-term", law, []) == "missing-term"
+    assert confirmed("outside-library", laws.law(), [worse]) == "outside-library"
+    assert confirmed("sensor-fault", laws.law(), [worse]) == "sensor-fault"
+    assert confirmed("not-converged", law, [worse]) == "not-converged"

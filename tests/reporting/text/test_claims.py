@@ -1,0 +1,190 @@
+"""What the texts claim: only what held-out data support, and no p-values."""
+
+from typing import Any
+
+import pytest
+
+from dashred.core.findings.schema import Comparison, Fit, Input, errors_by_method, new_findings
+from dashred.reporting.page.html import page
+from dashred.reporting.text.headline import headline
+from dashred.reporting.text.improvement import improvements
+from dashred.reporting.text.verdict import verdict_lines
+
+SOURCE = Input(
+    config={"system": {"title": "Ring", "equations": {"u": "lap(u)"}}},
+    config_sha256="c",
+    recording_sha256="r",
+    seed=0,
+    versions={},
+    library_size=None,
+    splits=None,
+)
+TERM: Any = {
+    "equation": "u",
+    "term": "u**3",
+    "coefficient": -0.0251,
+    "std": 0.0004,
+    "ci95": [-0.0259, -0.0243],
+    "inclusion": 0.98,
+    "region": None,
+    "effect": "cubic damping of u",
+    "says": "cubic damping of u, (−0.0251 ± 0.0004)·u³ per unit time",
+}
+WHERE: Any = {
+    "equation": {"u": 1.0},
+    "region": None,
+    "time": [0, 8],
+    "regime": None,
+    "sensors": [],
+    "significance": 1e-40,
+    "profile": {"times": [], "before": [], "after": []},
+    "forcing": None,
+}
+WORSE = Comparison(
+    data="test_sensors",
+    before=0.21,
+    after=0.52,
+    difference=0.2263,
+    error=0.052,
+    samples=40,
+    horizon=None,
+    worse=True,
+)
+BETTER = Comparison(
+    data="heldout_time",
+    before=0.4,
+    after=0.2,
+    difference=-0.12,
+    error=0.05,
+    samples=16,
+    horizon=None,
+    worse=False,
+)
+
+
+def found(*comparisons: Comparison, **changed: Any) -> Any:
+    fit = Fit(
+        comparisons=list(comparisons),
+        noise_std=None,
+        noise_correlation=None,
+        own_error=None,
+        chi2=1.0,
+        unexplained=0.0,
+        test_sensors=errors_by_method(
+            simulation_same_start=0.9, simulation_refit=0.21, corrected=0.52
+        ),
+        heldout_time=errors_by_method(
+            simulation_same_start=0.8, simulation_refit=0.4, corrected=0.2
+        ),
+        heldout_restarted=errors_by_method(),
+    )
+    given: Any = {
+        "fit": fit,
+        "verdict": "unconfirmed",
+        "causes": [{"kind": "missing-term", "probability": 0.98}],
+        "where": WHERE,
+        "terms": [TERM],
+        "alternatives": [],
+    }
+    return new_findings(SOURCE, **given | changed)
+
+
+def text_of(findings: Any) -> str:
+    return "\n".join(verdict_lines(findings))
+
+
+def test_an_unconfirmed_law_is_a_suggestion_with_the_comparison_that_failed() -> None:
+    lines = verdict_lines(found(BETTER, WORSE))
+    assert lines[:3] == [
+        "Verdict: unconfirmed: a law fits the recording, but the held-out data contradict it.",
+        "  At the test sensors the error is 0.52 with the suggested law, and 0.21 for the "
+        "simulation from its best start. The mean squared error is larger by 0.23 ± 0.05 (99 % "
+        "interval).",
+        "  Suggested, but not confirmed: the simulation leaves out cubic damping of u, "
+        "(−0.0251 ± 0.0004)·u³ per unit time.",
+    ]
+    shown = page(found(BETTER, WORSE), {}, "")
+    assert lines[1].strip() in shown and "They are suggested, but not confirmed." in shown
+    assert "suggested" not in text_of(found(BETTER, WORSE, verdict="missing-term")).lower()
+
+
+def test_the_headline_of_an_unconfirmed_law_names_the_data_that_contradict_it() -> None:
+    late = WORSE | {"data": "heldout_time"}
+    told = headline(found(BETTER | {"data": "test_sensors"}, late))
+    assert told == (
+        "There is no confirmed result: the search suggests cubic damping of u, but the held-out "
+        "data contradict it. With this correction, the error in the held-out time is 2.5 times "
+        "larger."
+    )
+
+
+def test_a_run_that_diverges_has_no_number_but_is_told() -> None:
+    lost: Any = WORSE | {"after": None, "difference": 80.0, "error": 9.0}
+    assert "the error is beyond all bounds with the suggested law" in text_of(found(lost))
+
+
+def test_where_the_start_is_the_correction_it_is_compared_with_the_nominal_start() -> None:
+    start = found(verdict="initial-condition", terms=[], where=None, causes=[])
+    start["fit"]["heldout_restarted"] = errors_by_method(simulation_refit=0.3, corrected=0.3)
+    [test, late, restarted] = improvements(start)
+    assert restarted.endswith("0.3 for the corrected simulation: no difference.")
+    assert test == (
+        "At the test sensors the error is 0.9 for the simulation from its nominal start, 0.21 for "
+        "the simulation from its best start within the stated spread, 0.52 for the corrected "
+        "simulation: 1.7 times smaller."
+    )
+    assert late.endswith("4 times smaller.")
+    assert headline(start).endswith(
+        "With this correction, the error at sensors not used in any fit is 1.7 times smaller."
+    )
+
+
+def test_where_a_sensor_is_the_correction_the_headline_tells_the_gain() -> None:
+    fault: Any = {
+        "kind": "sensor-fault",
+        "probability": 1.0,
+        "sensor": "s3",
+        "fault": "bias",
+        "value": 0.3,
+        "std": 0.01,
+        "from": None,
+        "reads": "u",
+        "axis": None,
+        "episode": None,
+    }
+    sensor = found(verdict="sensor-fault", terms=[], where=None, causes=[fault])
+    sensor["fit"]["test_sensors"] = errors_by_method()
+    told = headline(sensor)
+    assert "sensor s3 has a bias of 0.300 ± 0.010" in told
+    assert told.endswith("in the held-out time is 2 times smaller.")
+
+
+def test_a_chaotic_system_is_told_up_to_the_time_at_which_its_runs_are_lost() -> None:
+    cut: Any = BETTER | {"horizon": 12.345678, "before": 0.6, "after": 0.1}
+    told = improvements(found(cut, verdict="missing-term", units={"t": "s"}))[1]
+    assert told.endswith(
+        "The system is chaotic: errors of a run grow until it is lost. In the first 12.3 s of a "
+        "run the error is 0.6 from the best start and 0.1 with the correction: 6 times smaller."
+    )
+    only = found(cut, verdict="missing-term")
+    only["fit"]["test_sensors"] = errors_by_method()
+    assert headline(only).endswith("in the held-out time is 6 times smaller.")
+
+
+@pytest.mark.parametrize("verdict", ["missing-term", "ambiguous", "outside-library"])
+def test_no_p_value_is_printed(verdict: str) -> None:
+    told = found(verdict=verdict)
+    for text in (headline(told), text_of(told), page(told, {}, "")):
+        assert "1e−40" not in text and "1e-40" not in text and "p <" not in text
+
+
+def test_further_supported_terms_are_listed_after_the_law() -> None:
+    more: Any = [
+        {"equation": "u", "term": "u", "coefficient": 0.0249, "window": None, "region": None},
+        {"equation": None, "term": "nu", "coefficient": 0.015, "window": None, "region": None},
+    ]
+    told = found(verdict="missing-term", also_supported=more)
+    line = "Also supported: u: 0.0249·u, nu +0.015; the forecast does not need these terms."
+    assert line in text_of(told) and line in page(told, {}, "")
+    assert "does not need this term." in text_of(found(also_supported=more[:1]))
+    assert "Also supported" not in text_of(found())
