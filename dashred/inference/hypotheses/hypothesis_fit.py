@@ -122,5 +122,7 @@ def replace_minimum(
     [before], _ = fit.objective.values(fit.phi[None])
     score = law.score - float(before) + fitted.cost
     new_law = build_law(objective, fitted, score)
-    new_law = replace(new_law, fault=law.fault, start_prior_factor=law.start_prior_factor)
+    new_law = replace(
+        new_law, fault=law.fault, start_prior_factor=law.start_prior_factor, source=law.source
+    )
     return HypothesisFit(new_law, objective, fitted.phi)

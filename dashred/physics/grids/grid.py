@@ -68,6 +68,17 @@ class Axis:
             return place % self.length
         return self.length - abs(place % self.period - self.length)
 
+    def interval(self, centre: float, half: float) -> tuple[float, float]:
+        """Return ``centre ∓ half`` on the axis; on a ring the beginning may exceed the end."""
+        if self.periodic:
+            whole = 2 * half >= self.length
+            return (
+                (0.0, self.length)
+                if whole
+                else (self.wrap(centre - half), self.wrap(centre + half))
+            )
+        return max(centre - half, 0.0), min(centre + half, self.length)
+
 
 @dataclass(frozen=True)
 class Grid:

@@ -155,21 +155,28 @@ def discover(
         refit_count=len(selection.tried),
         forcing_gain=comparison.forcing_gain,
         forcing_map=comparison.forcing_map,
+        source=comparison.source,
     )
 
 
 def _is_explained(problem: Problem, comparison: Comparison) -> bool:
-    """Return whether the best hypothesis explains the whole record.
+    """Return whether the best hypothesis, or a free forcing, explains the whole record.
 
     This is used if the horizon did not reach the end of the record. The residuals must be noise. In
-    addition the hypothesis must be a local law, a sensor fault or another start, or a free forcing
-    must not improve the fit.
+    addition the hypothesis must be a local law, a source, a sensor fault or another start, or a
+    free forcing must not improve the fit. If no hypothesis explains the record, but a free forcing
+    does, then the simulator lacks an effect that the library does not express.
     """
+    if comparison.forcing_gain > MIN_FORCING_GAIN and comparison.forcing_map is not None:
+        return not is_noise_inflated(problem, comparison.forced_noise)
     if is_noise_inflated(problem, comparison.noise):
         return False
     best = comparison.laws[0]
     has_other_cause = (
-        best.window is not None or best.fault is not None or best.start_prior_factor > 1
+        best.window is not None
+        or best.source is not None
+        or best.fault is not None
+        or best.start_prior_factor > 1
     )
     return has_other_cause or comparison.forcing_gain <= MIN_FORCING_GAIN
 

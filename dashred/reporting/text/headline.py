@@ -7,7 +7,8 @@ from dashred.core.formatting import number
 from dashred.core.units import NO_UNITS
 from dashred.reporting.text.causes import cause_text
 from dashred.reporting.text.parameters import short_parameter_text
-from dashred.reporting.text.verdict import FEW, sentence
+from dashred.reporting.text.sources import short_source_text
+from dashred.reporting.text.verdict import FEW, located_source, sentence
 
 PLACES = {
     "test_sensors": "at sensors not used in any fit",
@@ -48,13 +49,14 @@ def _conclusion(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
     effects = [str(term["effect"]) for term in terms if term["equation"] is not None]
     missing = _listed(effects, mostly)
     changed = [short_parameter_text(term) for term in terms if term["equation"] is None]
+    units = findings.get("units", NO_UNITS)
     match findings["verdict"]:
         case "nothing-missing":
             return "the simulation agrees with the recording: these sensors show nothing missing"
         case "initial-condition":
             return "the simulation agrees with the recording, but it starts from the wrong state"
         case "sensor-fault":
-            fault = cause_text(findings["causes"][0], findings.get("units", NO_UNITS))
+            fault = cause_text(findings["causes"][0], units)
             return f"the simulation agrees with the recording, but a sensor is faulty: {fault}"
         case "unresolved-numerics":
             return "no conclusion is possible: the simulation's grid or time step is too coarse"
@@ -67,6 +69,8 @@ def _conclusion(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
             )
         case "no-mismatch-seen":
             return "the recording agrees with the snapshots of the simulation"
+        case "outside-library" if (source := located_source(findings)) is not None:
+            return f"the simulation lacks {short_source_text(source, units)}"
         case "outside-library" if missing and "terms" in (findings["causes"] or [{}])[0]:
             return f"the simulation leaves out {missing}, in a form that is not in its library"
         case "outside-library":

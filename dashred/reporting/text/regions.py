@@ -13,6 +13,8 @@ def region_text(region: Region, units: Mapping[str, str] = NO_UNITS) -> str:
     unit = units.get(of)
     if "to" in region:
         end = with_unit(f"{region['to']:.3g}", unit)
+        if region["from"] > region["to"]:
+            return f"for {of} > {region['from']:.3g} and {of} < {end}"
         return f"for {region['from']:.3g} < {of} < {end}"
     below = "below" in region
     edge = region["below"] if below else region["from"] if "from" in region else region["above"]
@@ -26,6 +28,9 @@ def bounds(region: Region, units: Mapping[str, str]) -> str:
     if "to" in region:
         begin, _ = rounded(region["from"], std)
         end, error = rounded(region["to"], std)
+        if region["from"] > region["to"]:
+            # It wraps around the ends of the axis.
+            return f"{of} > {begin} and {of} < {with_unit(end, unit)} (± {error})"
         return f"{begin} < {of} < {with_unit(end, unit)} (± {error})"
     if "below" in region:
         place, error = rounded(region["below"], std)

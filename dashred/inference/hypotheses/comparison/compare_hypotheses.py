@@ -15,10 +15,16 @@ from torch import Tensor
 from dashred.core.progress import Report
 from dashred.inference.fit.law import Law, distinct_laws
 from dashred.inference.fit.least_squares import LeastSquaresProblem
+from dashred.inference.fit.located_source import LocatedSource
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.comparison.backward_elimination import eliminate_terms
+from dashred.inference.hypotheses.comparison.local_source import (
+    SourceHypothesis,
+    fit_local_source,
+    map_forcing,
+)
 from dashred.inference.hypotheses.comparison.noise_reestimation import (
     refit_under_best_noise,
     refit_under_noise,
@@ -76,16 +82,21 @@ class Comparison:
         laws: the laws, the best first.
         uncorrected: the uncorrected simulator with its own best initial state.
         noise: the noise under which they were scored.
+        forced_noise: the noise that a free forcing leaves.
         forcing_gain: evidence for a free forcing on top of the best law.
         forcing_map: the map of a forcing on top of the uncorrected simulator; None if the best law
             is clear, if nothing is missing, or if no forcing can be fitted.
+        source: the localised source that the best law expresses, or that explains most of the
+            misfit where no law does; None without one.
     """
 
     laws: list[Law]
     uncorrected: Law
     noise: NoiseModel
+    forced_noise: NoiseModel
     forcing_gain: float
     forcing_map: ForcingMap | None
+    source: LocatedSource | None = None
 
 
 def compare_hypotheses(
@@ -116,10 +127,23 @@ def compare_hypotheses(
         fits += residual.add_fault(base_fits)
     periodic_fits = _fit_periodic(residual, base_fits, additions)
     fits += periodic_fits
+    source = SourceHypothesis()
+    if residual.is_unclear:
+        source = fit_local_source(
+            residual,
+            base_fits[-1],
+            min(fits, key=by_score),
+            additions.tendency_rms,
+            additions.global_count,
+            report,
+        )
+        fits += source.fits
     leader = min(fits, key=by_score)
     is_simple = len(leader.law.candidates) <= MAX_SIMPLE_TERMS
     if leader is not fits[0] and is_simple and leader.law.chi2 < MAX_EXPLAINED_CHI2:
         forcing_gain = 0.0
+    elif source.is_clear:
+        forcing_gain = fit_free_forcing(leader.objective, leader.phi, additions.tendency_rms)[1]
     elif residual.is_unclear:
         more_fits, forcing_gain = _fit_local_and_extended(
             residual, additions, periodic_fits, report
@@ -136,7 +160,14 @@ def compare_hypotheses(
     best_fit = min(fits, key=by_score)
     laws = distinct_laws([profile_threshold(fit) if fit is best_fit else fit.law for fit in fits])
     noise = uncorrected.objective.noise
-    return Comparison(laws, uncorrected.law, noise, forcing_gain, residual.forcing_map)
+    forcing_map, located = residual.forcing_map, laws[0].source
+    if located is not None or forcing_gain > MIN_FORCING_GAIN:
+        report(0.9, "mapping the forcing in space and time")
+        forcing_map, located = map_forcing(residual, forcing_gain), located or source.located
+    forced_noise = residual.full_problem.noise
+    return Comparison(
+        laws, uncorrected.law, noise, forced_noise, forcing_gain, forcing_map, located
+    )
 
 
 def _fit_periodic(
