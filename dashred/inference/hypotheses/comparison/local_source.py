@@ -34,7 +34,7 @@ class SourceHypothesis:
 
     Attributes:
         located: the source as it is reported; None if no source explains most of the misfit.
-        fits: its law, if its course has an expression.
+        fits: its law, if it is not much worse than the best other hypothesis.
         is_clear: whether the source explains the recording and no single term that acts at its
             place comes near. Laws in windows are then not searched.
     """
@@ -70,11 +70,9 @@ def fit_local_source(
         0.35, f"a localised source leaves χ²/n {found.fit.chi2 / null.objective.noise.count:.2f}"
     )
     located = locate_source(null.objective, found)
-    law = None
-    if found.score < best.law.score + AMBIGUITY_MARGIN:
-        law = fit_source_law(null.objective, found, size)
-    if law is None:
+    if found.score > best.law.score + AMBIGUITY_MARGIN:
         return SourceHypothesis(located)
+    law = fit_source_law(null.objective, found, size)
     [fit] = residual.add_fault([law])
     return SourceHypothesis(located, (fit,), _is_clear(residual, found, fit, best))
 

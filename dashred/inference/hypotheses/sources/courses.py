@@ -28,14 +28,18 @@ class Course(Protocol):
     def period(self) -> float | None:
         """The period; None if the course is not periodic."""
 
+    @property
+    def has_form(self) -> bool:
+        """Whether its amplitudes are few and count as parameters of a law."""
+
     def with_unknowns(self, values: tuple[float, ...]) -> Course:
         """Return the course with other values of ψ."""
 
     def functions(self, times: Tensor) -> Tensor:
         """Return h at some times, ``(time, function)``."""
 
-    def texts(self) -> list[str] | None:
-        """Return every h in the equation language; None if the language cannot express it."""
+    def terms(self, amplitudes: Tensor) -> list[tuple[str, float]]:
+        """Return terms of the equation language, with coefficients, whose sum is the course."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +49,7 @@ class Constant:
     unknowns: tuple[float, ...] = ()
     steps: tuple[float, ...] = ()
     period: None = None
+    has_form: bool = True
 
     def with_unknowns(self, values: tuple[float, ...]) -> Constant:
         """Return the course itself."""
@@ -54,9 +59,9 @@ class Constant:
         """Return ones, ``(time, 1)``."""
         return torch.ones((len(times), 1), dtype=torch.float64)
 
-    def texts(self) -> list[str]:
+    def terms(self, amplitudes: Tensor) -> list[tuple[str, float]]:
         """Return the constant 1."""
-        return ["1"]
+        return [("1", float(amplitudes[0]))]
 
 
 @dataclass(frozen=True)
@@ -71,6 +76,7 @@ class Onset:
     begin: float
     rise: float
     period: None = None
+    has_form: bool = True
 
     @property
     def unknowns(self) -> tuple[float, ...]:
@@ -90,9 +96,10 @@ class Onset:
         """Return h, ``(time, 1)``."""
         return (0.5 * (1 + torch.tanh((times - self.begin) / self.rise)))[:, None]
 
-    def texts(self) -> list[str]:
-        """Return h in the equation language."""
-        return [f"(1 + tanh((t - {self.begin:.6g})/{self.rise:.6g}))/2"]
+    def terms(self, amplitudes: Tensor) -> list[tuple[str, float]]:
+        """Return h."""
+        text = f"(1 + tanh((t - {self.begin:.6g})/{self.rise:.6g}))/2"
+        return [(text, float(amplitudes[0]))]
 
 
 @dataclass(frozen=True)
@@ -108,6 +115,7 @@ class Periodic:
     frequency: float
     harmonics: int
     duration: float
+    has_form: bool = True
 
     @property
     def unknowns(self) -> tuple[float, ...]:
@@ -128,6 +136,14 @@ class Periodic:
         """Return the course with another frequency."""
         return replace(self, frequency=values[0])
 
+    def second_harmonic(self, amplitudes: Tensor) -> tuple[Periodic, Tensor]:
+        """Return the course of 1 and the second harmonic alone, with its amplitudes.
+
+        A course with half the frequency has the second harmonic in place of the first.
+        """
+        course = replace(self, frequency=2 * self.frequency, harmonics=1)
+        return course, amplitudes[[0, 3, 4]]
+
     def functions(self, times: Tensor) -> Tensor:
         """Return h, ``(time, 1 + 2·harmonics)``."""
         waves = [torch.ones_like(times)]
@@ -135,10 +151,11 @@ class Periodic:
             waves += [(k * self.frequency * times).sin(), (k * self.frequency * times).cos()]
         return torch.stack(waves, dim=1)
 
-    def texts(self) -> list[str]:
-        """Return every h in the equation language."""
-        frequencies = [f"{k * self.frequency:.6g}*t" for k in range(1, self.harmonics + 1)]
-        return ["1", *(f"{wave}({angle})" for angle in frequencies for wave in ("sin", "cos"))]
+    def terms(self, amplitudes: Tensor) -> list[tuple[str, float]]:
+        """Return every h."""
+        angles = [f"{k * self.frequency:.6g}*t" for k in range(1, self.harmonics + 1)]
+        texts = ["1", *(f"{wave}({angle})" for angle in angles for wave in ("sin", "cos"))]
+        return list(zip(texts, amplitudes.tolist(), strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,6 +172,7 @@ class Free:
     unknowns: tuple[float, ...] = ()
     steps: tuple[float, ...] = ()
     period: None = None
+    has_form: bool = False
 
     def with_unknowns(self, values: tuple[float, ...]) -> Free:
         """Return the course itself."""
@@ -165,8 +183,21 @@ class Free:
         hats = [np.interp(times.numpy(), self.knots.numpy(), row) for row in self.modes.T.numpy()]
         return torch.from_numpy(np.stack(hats, axis=1))
 
-    def texts(self) -> None:
-        """Return None: the equation language has no tables."""
+    def terms(self, amplitudes: Tensor) -> list[tuple[str, float]]:
+        """Return one term ``Σ_k c_k |t - t_k|``, which is linear between the knots.
+
+        It is constant before the first knot and after the last. Its coefficient is its maximum.
+        """
+        values = self.modes @ amplitudes
+        size = float(values.abs().max())
+        rates = (values.diff() / self.knots.diff() / size).tolist()
+        bends = [b - a for a, b in zip([0.0, *rates], [*rates, 0.0], strict=True)]
+        mean = float(values[0] + values[-1]) / 2 / size
+        parts = [
+            f"{bend / 2:+.5g}*abs(t - {knot:.6g})"
+            for bend, knot in zip(bends, self.knots.tolist(), strict=True)
+        ]
+        return [(f"({mean:.6g}{''.join(parts)})", size)]
 
 
 def slopes(course: Course, amplitudes: Tensor, times: Tensor) -> list[Tensor]:

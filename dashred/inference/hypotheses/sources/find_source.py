@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -10,6 +11,7 @@ from torch import Tensor
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.free_forcing import FreeForcing
+from dashred.inference.hypotheses.sources.courses import Periodic
 from dashred.inference.hypotheses.sources.screening import ScreenedSource, screen_sources
 from dashred.inference.hypotheses.sources.smooth_forcing import (
     LinearisedForcing,
@@ -22,9 +24,11 @@ from dashred.physics.system import Term
 
 # A source has to explain this share of the misfit beyond noise, on the coarse mesh and in a fit.
 MIN_SCREENED_SHARE, MIN_EXPLAINED_SHARE = 0.5, 0.9
-# A kind of source is fitted if its screening score exceeds the best by less than this many times
-# the number of samples: a fit may lower its score, because the mesh is coarser than a bump.
-NEAR = 3.0
+# Below this χ²/n a source explains the recording.
+MAX_EXPLAINED_CHI2 = 1.1
+# A kind of source is fitted if it explains at most this share of the misfit less than the best. Its
+# fit may lower the score, because the mesh is coarser than a bump.
+NEAR = 0.05
 
 
 @dataclass(frozen=True)
@@ -73,14 +77,38 @@ def find_source(
     if not _is_compact(screened, constant, count):
         return None
     fine = linearise_fine_forcing(forcing).without_law()
-    screened, _ = screen_sources(fine, equations, candidate_count)
-    least = screened[0].score
-    start = forcing.phi[: null.modes]
-    promising = [each for each in screened if each.score < least + NEAR * count]
-    fits = [(fit_source(null, start, each.source, size), each.penalty) for each in promising]
-    fit, penalty = min(fits, key=lambda pair: pair[0].cost + pair[1])
+    screened, constant = screen_sources(fine, equations, candidate_count)
+    bound = screened[0].score + NEAR * (constant - screened[0].score)
+    promising = [each for each in screened if each.score < bound]
+    fit, penalty = _best_fit(null, forcing.phi[: null.modes], promising, size)
     share = 1 - max(fit.chi2 - count, 0.0) / max(float(misfit) - count, 1.0)
     return FoundSource(fit, penalty, share) if share > MIN_EXPLAINED_SHARE else None
+
+
+def _best_fit(
+    null: LeastSquaresProblem, phi: Tensor, screened: Sequence[ScreenedSource], size: Tensor
+) -> tuple[SourceFit, float]:
+    """Return the fit of the best source and its penalty; the plainest courses are fitted first.
+
+    No further course is fitted if one explains the recording.
+    """
+    fits: list[tuple[SourceFit, float]] = []
+    for each in sorted(screened, key=lambda each: each.penalty):
+        fits.append((fit_source(null, phi, each.source, size), each.penalty))
+        if fits[-1][0].chi2 < MAX_EXPLAINED_CHI2 * null.noise.count:
+            break
+    best, penalty = min(fits, key=lambda pair: pair[0].cost + pair[1])
+    course = best.source.course
+    if isinstance(course, Periodic) and course.harmonics > 1:
+        faster, amplitudes = course.second_harmonic(best.source.amplitudes)
+        source = replace(best.source, course=faster, amplitudes=amplitudes)
+        fits.append((fit_source(null, best.phi, source, size), penalty - 2 * _penalty_of_one(null)))
+    return min(fits, key=lambda pair: pair[0].cost + pair[1])
+
+
+def _penalty_of_one(null: LeastSquaresProblem) -> float:
+    """Return the penalty for one amplitude."""
+    return math.log(null.noise.effective_count)
 
 
 def _is_compact(screened: Sequence[ScreenedSource], constant: float, count: int) -> bool:

@@ -149,7 +149,7 @@ def _amplitude_penalty(source: Source, matrix: Tensor, std: float, samples: floa
         samples: n.
     """
     count = len(source.amplitudes)
-    if source.course.texts() is not None:
+    if source.course.has_form:
         return count * math.log(samples)
     return float(torch.logdet(torch.eye(count, dtype=torch.float64) + std**2 * matrix))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
@@ -15,6 +16,7 @@ from dashred.inference.fit.located_source import LocatedSource
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.hypothesis_fit import STEPS, TOLERANCE, HypothesisFit
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN
+from dashred.inference.hypotheses.sources.course_period import course_period
 from dashred.inference.hypotheses.sources.courses import Onset
 from dashred.inference.hypotheses.sources.find_source import FoundSource
 from dashred.inference.hypotheses.sources.screening import Source
@@ -26,10 +28,8 @@ REPORTED_TIMES = 200
 STEP = 1e-3
 
 
-def fit_source_law(
-    null: LeastSquaresProblem, found: FoundSource, size: Tensor
-) -> HypothesisFit | None:
-    """Return the law of a source; None if its course has no expression.
+def fit_source_law(null: LeastSquaresProblem, found: FoundSource, size: Tensor) -> HypothesisFit:
+    """Return the law of a source.
 
     A term of the library is preferred to a source that is as good.
 
@@ -39,22 +39,21 @@ def fit_source_law(
         size: rms of each equation's own tendency, ``(equation,)``.
     """
     system = null.forward_model.simulator.system
-    candidates = _candidates(system, found.fit.source, size)
-    if candidates is None:
-        return None
+    terms = found.fit.source.course.terms(found.fit.source.amplitudes)
+    candidates = _candidates(system, found.fit.source, [text for text, _ in terms], size)
     problem = null.with_candidates(candidates)
-    begin = torch.cat([found.fit.phi, found.fit.source.amplitudes])
+    coefficients = torch.tensor([value for _, value in terms], dtype=torch.float64)
+    begin = torch.cat([found.fit.phi, coefficients])
     fitted = minimise(problem, begin, STEPS, TOLERANCE)
     law = build_law(problem, fitted, fitted.cost + found.penalty + AMBIGUITY_MARGIN)
     law = replace(law, source=locate_source(null, found))
     return HypothesisFit(law, problem, fitted.phi)
 
 
-def _candidates(system: System, source: Source, size: Tensor) -> list[Candidate] | None:
-    """Return a candidate for every function of the course."""
-    courses = source.course.texts()
-    if courses is None:
-        return None
+def _candidates(
+    system: System, source: Source, courses: Sequence[str], size: Tensor
+) -> list[Candidate]:
+    """Return a candidate for every term of the course."""
     equation, bump = system.fields[source.equation], source.bump.text(system)
     texts = [bump if course == "1" else f"{bump}*{course}" for course in courses]
     key, std = f"library.{equation}", source.amplitude_std(system, size)
@@ -78,10 +77,10 @@ def locate_source(null: LeastSquaresProblem, found: FoundSource) -> LocatedSourc
     stds = (fit.covariance.diagonal().clamp(min=0).sqrt() * scale).tolist()
     count, axes = len(source.amplitudes), len(system.axes)
     course_std = stds[count + axes + 1] if source.course.unknowns else None
-    period = source.course.period
     begin = source.course.begin if isinstance(source.course, Onset) else None
     clock = torch.linspace(float(times.min()), float(times.max()), REPORTED_TIMES).double()
-    strength = _rates(system, source, clock).mean()
+    rates = _rates(system, source, clock)
+    period = _period(source, course_std, clock, rates)
     slopes = _strength_slopes(system, source, clock)
     variance = float(slopes @ fit.covariance[: len(slopes), : len(slopes)] @ slopes)
     return LocatedSource(
@@ -90,16 +89,28 @@ def locate_source(null: LeastSquaresProblem, found: FoundSource) -> LocatedSourc
         place=source.bump.centre,
         place_std=tuple(stds[count : count + axes]),
         region=tuple(source.bump.region(axis, i) for i, axis in enumerate(system.axes)),
-        period=period,
-        period_std=course_std * period**2 / (2 * math.pi) if period and course_std else None,
+        period=period and period[0],
+        period_std=period and period[1],
         begin=begin,
         begin_std=course_std if begin is not None else None,
-        strength=float(strength),
+        strength=float(rates.mean()),
         strength_std=scale * math.sqrt(max(variance, 0.0)),
         share=found.share,
         times=tuple(clock.tolist()),
-        rates=tuple(_rates(system, source, clock).tolist()),
+        rates=tuple(rates.tolist()),
     )
+
+
+def _period(
+    source: Source, course_std: float | None, times: Tensor, rates: Tensor
+) -> tuple[float, float] | None:
+    """Return the period of a source and its standard deviation; None if it is not periodic."""
+    period = source.course.period
+    if period is not None and course_std is not None:
+        return period, course_std * period**2 / (2 * math.pi)
+    if source.course.has_form:
+        return None
+    return course_period(times.numpy(), rates.numpy())
 
 
 def _rates(system: System, source: Source, times: Tensor) -> Tensor:
