@@ -36,7 +36,7 @@ CONVERT: dict[str, Callable[[str], Any]] = {
 MAX_DEPTH = 12
 # Larger than any file written by hand; reading more would take minutes.
 MAX_BYTES, MAX_VALUES = 100_000, 2000
-COMMA = "inside [ ] and { } a comma ends a text: quote an expression that contains a comma"
+COMMA = "inside { } a comma ends a text: quote an expression that contains a comma"
 
 
 @dataclass(frozen=True)
@@ -157,6 +157,25 @@ class _Loader(yaml.SafeLoader):
         return node
 
 
+def _join_calls(items: list[Node]) -> list[Node]:
+    """Join items of a list in [ ] that a comma within parentheses has separated: ``[d(u, x)]``."""
+    joined: list[Node] = []
+    for item in items:
+        before = joined[-1] if joined else None
+        is_part = isinstance(item, ScalarNode) and item.style is None
+        if is_part and isinstance(before, ScalarNode) and _open_parentheses(before) > 0:
+            text = f"{before.value}, {item.value}"
+            joined[-1] = ScalarNode(TAG + "str", text, before.start_mark, item.end_mark)
+        else:
+            joined.append(item)
+    return joined
+
+
+def _open_parentheses(node: ScalarNode) -> int:
+    """Return by how many the parentheses that open exceed those that close; 0 if quoted."""
+    return 0 if node.style else int(node.value.count("(") - node.value.count(")"))
+
+
 class _Reader:
     """Conversion of a node tree to plain values; records the line of every key."""
 
@@ -172,8 +191,9 @@ class _Reader:
         if isinstance(node, MappingNode) and node.tag == TAG + "map":
             return self._mapping(node, key)
         if isinstance(node, SequenceNode) and node.tag == TAG + "seq":
-            items = enumerate(node.value)
-            return [self.value(x, f"{key}[{i}]", in_flow=bool(node.flow_style)) for i, x in items]
+            in_flow = bool(node.flow_style)
+            items = enumerate(_join_calls(node.value) if in_flow else node.value)
+            return [self.value(x, f"{key}[{i}]", in_flow=in_flow) for i, x in items]
         if isinstance(node, ScalarNode):
             return self._scalar(node, in_flow=in_flow)
         raise InputError(f"YAML tags are not supported: {node.tag}", where=self._line(node))
@@ -203,7 +223,7 @@ class _Reader:
         text: str = node.value
         kind = node.tag.removeprefix(TAG)
         if kind == "str":
-            if in_flow and node.style is None and text.count("(") != text.count(")"):
+            if in_flow and _open_parentheses(node):
                 what = f"unbalanced ( ) in {text!r}"
                 raise InputError(what, where=self._line(node), hint=COMMA)
             return check_text(text, where=self._line(node))

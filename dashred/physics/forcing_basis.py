@@ -1,4 +1,4 @@
-"""Basis of a free forcing: bumps in space and hat functions in time, for every equation."""
+"""Basis of a free forcing: functions of space times functions of time, for every equation."""
 
 from __future__ import annotations
 
@@ -17,19 +17,22 @@ from dashred.physics.system import System
 
 @dataclass(frozen=True)
 class ForcingBasis:
-    """``f_e(x, t) = Σ_ck a_eck b_c(x) h_k(t)``: bumps b in space, hat functions h in time.
+    """``f_e(x, t) = Σ_ck a_eck b_c(x) h_k(t)``: bumps b in space, courses h in time.
 
-    The bumps are a partition of unity, and so are the hat functions between the first and the last
-    knot: equal amplitudes give a constant forcing.
+    The courses are linear between the knots. Those of :meth:`over` are hat functions, one for each
+    knot. Its bumps are a partition of unity, and so are the hat functions between the first and the
+    last knot: equal amplitudes give a constant forcing.
 
     Attributes:
         bumps: b on the grid, ``(cell, *grid)``.
-        knots: times of the peaks of the hat functions, ``(knot,)``.
+        knots: times between which the courses are linear, ``(knot,)``.
+        courses: h at the knots, ``(knot, course)``.
         fields: number of forced equations.
     """
 
     bumps: Tensor
     knots: Tensor
+    courses: Tensor
     fields: int
 
     @classmethod
@@ -51,13 +54,14 @@ class ForcingBasis:
             if axis.ends == "fixed":
                 along = along * sides[side(axis.name)]
             bumps = (bumps[:, None] * along[None]).flatten(0, 1)
-        ends = float(times.min()), float(times.max())
-        return cls(bumps, torch.linspace(*ends, knots, dtype=torch.float64), len(system.fields))
+        peaks = knots_over(times, knots)
+        hats = torch.eye(knots, dtype=torch.float64)
+        return cls(bumps, peaks, hats, len(system.fields))
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Shape of the amplitudes, ``(equation, cell, knot)``."""
-        return self.fields, len(self.bumps), len(self.knots)
+        """Shape of the amplitudes, ``(equation, cell, course)``."""
+        return self.fields, len(self.bumps), self.courses.shape[1]
 
     @property
     def count(self) -> int:
@@ -65,22 +69,23 @@ class ForcingBasis:
         return math.prod(self.shape)
 
     def hats(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return h at the given times, ``(time, knot)``."""
-        rows = [np.interp(times, self.knots.numpy(), row) for row in np.eye(len(self.knots))]
+        """Return h at the given times, ``(time, course)``."""
+        rows = [np.interp(times, self.knots.numpy(), row) for row in self.courses.T.numpy()]
         return np.stack(rows, axis=-1)
 
     def at_knots(self, amplitudes: Tensor) -> Tensor:
         """Return the forcing on the grid at every knot, ``(…, knot, equation, *grid)``.
 
         Args:
-            amplitudes: a, ``(…, equation, cell, knot)``.
+            amplitudes: a, ``(…, equation, cell, course)``.
         """
         flat = self.bumps.reshape(len(self.bumps), -1)
-        found = torch.einsum("...eck,cx->...kex", amplitudes, flat)
+        at_knots = amplitudes @ self.courses.T
+        found = torch.einsum("...eck,cx->...kex", at_knots, flat)
         return found.reshape(*found.shape[:-1], *self.bumps.shape[1:])
 
     def sampled_forcing(self, amplitudes: Tensor) -> SampledForcing:
-        """Return the forcing of many trajectories, ``(row, equation, cell, knot)``."""
+        """Return the forcing of many trajectories, ``(row, equation, cell, course)``."""
         return SampledForcing(self.knots, self.at_knots(amplitudes))
 
 
@@ -107,6 +112,24 @@ class SampledForcing:
     def row(self, i: int) -> SampledForcing:
         """Return the forcing of one trajectory."""
         return replace(self, values=self.values[i : i + 1])
+
+
+def knots_over(times: Tensor, count: int) -> Tensor:
+    """Return evenly spaced knots from the earliest to the latest time, ``(knot,)``."""
+    ends = float(times.min()), float(times.max())
+    return torch.linspace(*ends, count, dtype=torch.float64)
+
+
+def cell_centres(system: System, cells: int) -> Tensor:
+    """Return the centres of the cells in the order of the basis, ``(cell, axis)``."""
+    if not system.axes:
+        return torch.zeros((1, 0), dtype=torch.float64)
+    cells_along = round(cells ** (1 / len(system.axes)))
+    centres = [
+        (torch.arange(cells_along, dtype=torch.float64) + 0.5) * axis.length / cells_along
+        for axis in system.axes
+    ]
+    return torch.stack(torch.meshgrid(*centres, indexing="ij"), dim=-1).flatten(0, -2)
 
 
 def _bump(axis: Axis, x: Tensor, cell: int, cells: int) -> Tensor:

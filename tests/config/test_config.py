@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from dashred.config import Config, Settings, config_sha256, frozen_input, load_config, usage
 from dashred.config.bundled_systems import BASE, CONF, bundled_names
+from dashred.config.source import read_text
 from dashred.core.errors import InputError
 
 SYSTEM = """\
@@ -310,6 +311,12 @@ def test_wrong_values(write: Any, word: str, what: str) -> None:
     assert error.where == "command line"
 
 
+def test_a_comma_within_parentheses_does_not_end_an_item() -> None:
+    values, lines = read_text('[1, d(u, x), "d(u", v*d(d(u, x, 2), x), 2]', label="a", key="u")
+    assert values == [1, "d(u, x)", "d(u", "v*d(d(u, x, 2), x)", 2]
+    assert "u[4]" in lines and "u[5]" not in lines
+
+
 WRONG_FILES = [
     ("seed: 1\nseed: 2\n", "wave.yaml:2", "duplicate key 'seed'"),
     ("seed:\n\t- 1\n", "wave.yaml:2:1", "\\t"),
@@ -324,7 +331,8 @@ WRONG_FILES = [
     ("seed: \x01\n", "wave.yaml:1", "not allowed"),
     ("[" * 500, "wave.yaml:1:50", "nested too deeply"),
     ("system: {start: {u: " + "[" * 40 + "]" * 40 + "}}", "wave.yaml:1", "nested too deeply"),
-    ("library: {u: [u, d(u, x)]}\n", "wave.yaml:1", "unbalanced ( ) in 'd(u'"),
+    ("library: {u: [u, d(u, x]}\n", "wave.yaml:1", "unbalanced ( ) in 'd(u, x'"),
+    ("library: {u: d(u, x)}\n", "wave.yaml:1", "unbalanced ( ) in 'd(u'"),
     ("system: 3\n", "wave.yaml:1", "system must be a section of keys; got 3"),
     ("recording:\n", "wave.yaml:1", "recording must be a section of keys; got nothing"),
     ("\n\nshred: {lag: 3}\n", "wave.yaml:3", "unknown key shred.lag"),

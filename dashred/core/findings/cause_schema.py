@@ -69,6 +69,8 @@ Cause = TypedDict(
         "terms": list[str],
         "parameter": list[str],
         "extended": bool,
+        # The equation of a localised source, whose terms these are.
+        "source": str,
         # Distance of the initial state from its prior, in standard deviations of the prior.
         "start": float,
         # A faulty sensor: the keys of FaultySensor.

@@ -140,6 +140,37 @@ class Forcing(TypedDict):
     gain: float
 
 
+SourceRegion = TypedDict("SourceRegion", {"axis": str, "from": float, "to": float})
+"""Where a source acts along an axis; `from` exceeds `to` if it wraps around the axis."""
+
+
+class LocalisedSource(TypedDict):
+    """A source at one place, in the equation of a field.
+
+    `place` is its peak, one coordinate for each axis. `region` holds 95 % of a normal distribution
+    with its width. `strength` is its integral over the domain, averaged over the record, in the
+    unit of the equation times that of the axes. `share` is the share of the misfit beyond noise
+    that it explains. `rates` is its integral over the domain at the `times`. `period` and `begin`
+    are null if it is not periodic, or if it acts from the start. `as_terms`: the terms of the law
+    express the source.
+    """
+
+    equation: str
+    place: list[float]
+    place_std: list[float]
+    region: list[SourceRegion]
+    period: float | None
+    period_std: float | None
+    begin: float | None
+    begin_std: float | None
+    strength: float
+    strength_std: float
+    share: float
+    times: list[float]
+    rates: list[float]
+    as_terms: bool
+
+
 class ActiveStates(TypedDict, total=False):
     """The states with most of a law's power: those on one side of a threshold.
 
@@ -160,7 +191,7 @@ class Where(TypedDict):
     """Where the law acts: in which equations, at which times, in which states, at which sensors.
 
     `states` is null if the law acts in all states; `regime` is the same as text. `forcing` is the
-    map of a free forcing, or null if none was needed.
+    map of a free forcing, or null if none was needed. `source` is a localised source, or null.
     """
 
     equation: dict[str, float]
@@ -172,6 +203,7 @@ class Where(TypedDict):
     significance: float | None
     profile: Profile
     forcing: Forcing | None
+    source: LocalisedSource | None
 
 
 class Share(TypedDict):

@@ -73,7 +73,9 @@ def score_region(
         score["threshold"] = abs(place - (begin if end is None else end))
     else:
         length = float(system_of(findings).grid.axes[0].length)
-        score["overlap"] = _overlap((region["from"], region["to"]), (begin, end), length)
+        # A region that wraps around the axis ends before it begins.
+        until = region["to"] + (length if region["to"] < region["from"] else 0.0)
+        score["overlap"] = _overlap((region["from"], until), (begin, end), length)
     return score
 
 

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.levenberg_marquardt import FitResult
+from dashred.inference.fit.located_source import LocatedSource
 from dashred.inference.forward.candidates import Candidate, build_forcing
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.window import Window
@@ -96,6 +97,7 @@ class Law:
         faults: faults of sensors, in addition to the law, at most one of each sensor.
         start_prior_factor: factor by which the prior of the start is widened; 1 for the stated
             prior.
+        source: the localised source that its terms express; None for other laws.
     """
 
     candidates: tuple[Candidate, ...]
@@ -109,6 +111,7 @@ class Law:
     threshold: tuple[float, float] | None = None
     faults: tuple[SensorFault, ...] = ()
     start_prior_factor: float = 1.0
+    source: LocatedSource | None = None
 
     @property
     def std(self) -> Tensor:
@@ -133,6 +136,8 @@ class Law:
         }
         if self.window is not None:
             found.add(f"in a {self.window.shape.kind} of {self.window.shape.of}")
+        if self.source is not None:
+            found = set(self.source.parts)
         return frozenset(found).union(self._start_parts, *(fault.parts for fault in self.faults))
 
     @property

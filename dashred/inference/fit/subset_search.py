@@ -39,14 +39,15 @@ class ProfiledProblem:
 
     @classmethod
     def from_normal_equations(cls, normal: NormalEquations, modes: int) -> ProfiledProblem:
-        """Eliminate the start.
+        """Eliminate the first unknowns under their priors: the start, and a law if there is one.
 
         Args:
             normal: normal equations at a point.
-            modes: number of unknowns of the start, which come first.
+            modes: number of unknowns that are eliminated.
         """
         target = normal.target
-        start, error = normal.jacobian[:, :modes], normal.jacobian[:, modes:]
+        start = normal.jacobian[:, :modes] / normal.precision[:modes].sqrt()
+        error = normal.jacobian[:, modes:]
         eye = torch.eye(modes, dtype=start.dtype)
         # ‖b - J_z z‖² + ‖z‖² as one least-squares problem; its residual space remains.
         q, _ = torch.linalg.qr(torch.cat([start, eye]))

@@ -33,11 +33,11 @@ class ForcingBlock:
 
     def by_amplitude(self, values: Tensor) -> Tensor:
         """Return one value of each equation repeated for all of its amplitudes, ``(unknown,)``."""
-        _, cells, knots = self.basis.shape
-        return values.repeat_interleave(cells * knots)
+        _, cells, courses = self.basis.shape
+        return values.repeat_interleave(cells * courses)
 
     def amplitudes(self, unknowns: Tensor) -> Tensor:
-        """Return amplitudes ``(row, equation, cell, knot)`` from rows of unknowns."""
+        """Return amplitudes ``(row, equation, cell, course)`` from rows of unknowns."""
         return unknowns.reshape(-1, *self.basis.shape)
 
     def sampled(self, unknowns: Tensor) -> SampledForcing:

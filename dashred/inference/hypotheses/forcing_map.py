@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import torch
 from torch import Tensor
 
 from dashred.inference.hypotheses.free_forcing import FreeForcing
-from dashred.physics.system import System
+from dashred.inference.hypotheses.sources.smooth_forcing import SmoothForcing
+from dashred.physics.forcing_basis import cell_centres
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def build_forcing_map(forcing: FreeForcing, gain: float) -> ForcingMap | None:
     stds = variance.clamp(min=0).sqrt().reshape(basis.shape)
     system = forcing.objective.forward_model.simulator.system
     return ForcingMap(
-        _cell_centres(system, len(basis.bumps)),
+        cell_centres(system, len(basis.bumps)),
         basis.knots,
         forcing.amplitudes / size,
         stds / size,
@@ -53,13 +53,9 @@ def build_forcing_map(forcing: FreeForcing, gain: float) -> ForcingMap | None:
     )
 
 
-def _cell_centres(system: System, cells: int) -> Tensor:
-    """Return the centres of the cells in the order of the basis, ``(cell, axis)``."""
-    if not system.axes:
-        return torch.zeros((1, 0), dtype=torch.float64)
-    cells_along = round(cells ** (1 / len(system.axes)))
-    centres = [
-        (torch.arange(cells_along, dtype=torch.float64) + 0.5) * axis.length / cells_along
-        for axis in system.axes
-    ]
-    return torch.stack(torch.meshgrid(*centres, indexing="ij"), dim=-1).flatten(0, -2)
+def build_smooth_map(smooth: SmoothForcing, gain: float) -> ForcingMap:
+    """Return the map of a smooth forcing in cells and at knots."""
+    basis, size = smooth.forcing.block.basis, smooth.forcing.block.size[:, None, None]
+    system = smooth.forcing.objective.forward_model.simulator.system
+    centres = cell_centres(system, len(smooth.cells))
+    return ForcingMap(centres, basis.knots, smooth.amplitudes / size, smooth.stds / size, gain)

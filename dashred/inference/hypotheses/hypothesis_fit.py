@@ -142,7 +142,12 @@ def replace_minimum(
     normal = objective.linearise(fitted.phi, fitted.readings)
     new_law = build_law(objective, fitted, score, normal)
     faults = faults_in_units(objective, fit.faults, normal) if fit.faults else law.faults
-    new_law = replace(new_law, faults=faults, start_prior_factor=law.start_prior_factor)
+    new_law = replace(
+        new_law,
+        faults=faults,
+        start_prior_factor=law.start_prior_factor,
+        source=law.source,
+    )
     return HypothesisFit(new_law, objective, fitted.phi, fit.faults)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from torch import Tensor
 
 from dashred.inference.fit.law import Law
+from dashred.inference.fit.located_source import LocatedSource
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.forcing_map import ForcingMap
@@ -56,8 +57,9 @@ class Discovery:
         forcing_gain: evidence for a free forcing on top of the best law.
         forcing_map: the map of a free forcing on top of the uncorrected simulator; None if none was
             needed.
-        also_supported: terms that the evidence supports beside the best law, and that its forecast
-            does not need.
+        also_supported: terms that the evidence supports beside the best law, with their
+            coefficients, and that its forecast does not need.
+        source: a localised source; None without one.
     """
 
     laws: list[Law]
@@ -73,7 +75,8 @@ class Discovery:
     refit_count: int
     forcing_gain: float = 0.0
     forcing_map: ForcingMap | None = None
-    also_supported: tuple[Candidate, ...] = ()
+    also_supported: tuple[tuple[Candidate, float], ...] = ()
+    source: LocatedSource | None = None
 
     @property
     def best(self) -> Law:

@@ -100,6 +100,12 @@ def smaller_laws(discovery: Discovery, system: System) -> list[SmallerLaw]:
     ]
 
 
+def also_supported(discovery: Discovery, system: System) -> list[AlternativeTerm]:
+    """Return the terms that the evidence supports beside the law in the headline."""
+    pairs = discovery.also_supported
+    return _terms_tried(system, [pair[0] for pair in pairs], [pair[1] for pair in pairs])
+
+
 def _term(system: System, law: Law, index: int, included: float) -> MissingTerm:
     candidate = law.candidates[index]
     assert candidate.equation is not None
@@ -110,7 +116,7 @@ def _term(system: System, law: Law, index: int, included: float) -> MissingTerm:
         std=float(law.std[index]),
         ci95=list(law.interval(index)),
         inclusion=included,
-        region=region_of(law) if candidate.window is not None else None,
+        region=region_of(system, law) if candidate.window is not None else None,
     )
     key = f"library.{candidate.equation}"
     expression = system.parse(candidate.name, key, equation=candidate.equation)
@@ -120,7 +126,7 @@ def _term(system: System, law: Law, index: int, included: float) -> MissingTerm:
     return found
 
 
-def region_of(law: Law) -> list[Region] | None:
+def region_of(system: System, law: Law) -> list[Region] | None:
     """Return the region where the law acts, with the std of its edges; None for everywhere.
 
     The ``std`` of the edges of a box combines those of its centre and its half width.
@@ -128,15 +134,15 @@ def region_of(law: Law) -> list[Region] | None:
     window = law.window
     if window is None:
         return None
-    region, stds = _region(window), law.edges
+    region, stds = _region(system, window), law.edges
     region["std"] = math.hypot(stds[0], stds[1]) if window.shape.kind == "box" else stds[0]
     if window.shape.side is not None and law.threshold:
         region["ci95"] = list(law.threshold)
     return [region]
 
 
-def _region(window: Window) -> Region:
-    """Return the bounds of a window."""
+def _region(system: System, window: Window) -> Region:
+    """Return the bounds of a window; those of a box are on the axis, and it may wrap around."""
     of, place = window.shape.of, window.values[0]
     match window.shape.side:
         case "above":
@@ -201,7 +207,7 @@ def _terms_tried(
             coefficient=value
             if candidate.equation
             else parameter_change(system, candidate.name, value),
-            window=None if candidate.window is None else _region(candidate.window),
+            window=None if candidate.window is None else _region(system, candidate.window),
         )
         for candidate, value in zip(candidates, coefficients, strict=True)
     ]

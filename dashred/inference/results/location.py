@@ -9,8 +9,16 @@ import torch
 from scipy.stats import chi2
 from torch import Tensor
 
-from dashred.core.findings.law_schema import Forcing, Profile, SensorGain, Where
+from dashred.core.findings.law_schema import (
+    Forcing,
+    LocalisedSource,
+    Profile,
+    Region,
+    SensorGain,
+    Where,
+)
 from dashred.inference.fit.law import Law
+from dashred.inference.fit.located_source import LocatedSource
 from dashred.inference.hypotheses.forcing_map import ForcingMap
 from dashred.inference.hypotheses.result import Discovery
 from dashred.inference.results.explanation import region_of
@@ -55,13 +63,46 @@ def locate(
             field: float(share) / total if total else 0.0
             for field, share in zip(system.fields, shares, strict=True)
         },
-        region=region_of(law),
+        region=region_of(system, law) or _region_of_source(discovery.source),
         time=[float(times[0]), float(times[-1])],
         states=active_states(system, states, power, _reads(system, law)) if total else None,
         sensors=_sensors(sensors, before, after, available, len(law.candidates)),
         significance=_significance(before, after, len(law.candidates), discovery.refit_count),
         profile=_profile(times, before, after, available),
         forcing=_forcing(system, discovery.forcing_map),
+        source=_source(discovery.source, as_terms=law.source is not None),
+    )
+
+
+def _region_of_source(source: LocatedSource | None) -> list[Region] | None:
+    """Return the region of a source on one axis; None of others, as for a law everywhere."""
+    if source is None or len(source.axes) != 1:
+        return None
+    [axis], [(begin, end)], [std] = source.axes, source.region, source.place_std
+    return [{"axis": axis, "from": begin, "to": end, "std": std}]
+
+
+def _source(source: LocatedSource | None, *, as_terms: bool) -> LocalisedSource | None:
+    if source is None:
+        return None
+    return LocalisedSource(
+        equation=source.equation,
+        place=list(source.place),
+        place_std=list(source.place_std),
+        region=[
+            {"axis": axis, "from": begin, "to": end}
+            for axis, (begin, end) in zip(source.axes, source.region, strict=True)
+        ],
+        period=source.period,
+        period_std=source.period_std,
+        begin=source.begin,
+        begin_std=source.begin_std,
+        strength=source.strength,
+        strength_std=source.strength_std,
+        share=source.share,
+        times=list(source.times),
+        rates=list(source.rates),
+        as_terms=as_terms,
     )
 
 

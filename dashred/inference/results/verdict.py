@@ -185,6 +185,8 @@ def _cause(kind: Verdict, probability: float, law: Law, details: FaultDetails) -
     cause["terms"] = [str(candidate) for candidate in law.candidates]
     if kind == "outside-library":
         cause["extended"] = True
+    if law.source is not None:
+        cause["source"] = law.source.equation
     return cause
 
 

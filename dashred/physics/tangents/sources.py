@@ -72,9 +72,9 @@ class Sources:
             self._add_forcing_basis(forcing_basis, first + len(sources))
 
     def _add_forcing_basis(self, forcing_basis: ForcingBasis, first: int) -> None:
-        """Add the columns of the basis; all equations share one row for each cell and knot."""
-        fields, cells, knots = forcing_basis.shape
-        places = product(range(fields), range(cells * knots))
+        """Add the columns of the basis; all equations share one row for each cell and course."""
+        fields, cells, courses = forcing_basis.shape
+        places = product(range(fields), range(cells * courses))
         self.drives += [(e, column, self.rows + i) for column, (e, i) in enumerate(places, first)]
         self.bumps = self._mask * to_modes(forcing_basis.bumps.numpy(), self._mask.ndim)
 

@@ -20,7 +20,7 @@ from dashred.inference.fit.stepwise_selection import (
     select,
 )
 from dashred.inference.forward.candidates import Candidate, build_candidates, indices_by_name
-from dashred.inference.hypotheses.comparison.compare_hypotheses import Comparison
+from dashred.inference.hypotheses.comparison.comparison import Comparison
 from dashred.inference.hypotheses.result import MIN_FORCING_GAIN, BestOfSize, Discovery
 from dashred.inference.segments.search import SegmentSearch
 from dashred.physics.runs.ensemble import Ensemble
@@ -156,7 +156,7 @@ def discover(
                 ),
                 None,
             )
-            comparison = compared or Comparison(laws, uncorrected, seen, 0.0, None)
+            comparison = compared or Comparison(laws, uncorrected, seen, seen, 0.0, None)
             report(1.0, str(comparison.laws[0]))
         path = _best_by_size(selection, nothing)
         log_best_by_size(child, path)
@@ -180,6 +180,7 @@ def discover(
         refit_count=len(selection.tried),
         forcing_gain=comparison.forcing_gain,
         forcing_map=comparison.forcing_map,
+        source=comparison.source,
     )
     return with_headline(found, selection.objective, selection.tried)
 
@@ -200,16 +201,24 @@ def _log_first_guesses(
 
 
 def _is_explained(problem: Problem, comparison: Comparison) -> bool:
-    """Return whether the best hypothesis explains the whole record.
+    """Return whether the best hypothesis, or a free forcing, explains the whole record.
 
     This is used if the horizon did not reach the end of the record. The residuals must be noise. In
-    addition the hypothesis must be a local law, a sensor fault or another start, or a free forcing
-    must not improve the fit.
+    addition the hypothesis must be a local law, a source, a sensor fault or another start, or a
+    free forcing must not improve the fit. If no hypothesis explains the record, but a free forcing
+    does, then the simulator lacks an effect that the library does not express.
     """
+    if comparison.forcing_gain > MIN_FORCING_GAIN and comparison.forcing_map is not None:
+        return not is_noise_inflated(problem, comparison.forced_noise)
     if is_noise_inflated(problem, comparison.noise):
         return False
     best = comparison.laws[0]
-    has_other_cause = best.window is not None or best.faults or best.start_prior_factor > 1
+    has_other_cause = (
+        best.window is not None
+        or best.source is not None
+        or best.faults
+        or best.start_prior_factor > 1
+    )
     return bool(has_other_cause) or comparison.forcing_gain <= MIN_FORCING_GAIN
 
 

@@ -50,7 +50,9 @@ def with_headline(
 
 def told_instead(discovery: Discovery, told: Law) -> Discovery:
     """Return the discovery with a part of its best law in the headline."""
-    supported = tuple(c for c in discovery.best.candidates if c.key not in told.keys)
+    best = discovery.best
+    pairs = zip(best.candidates, best.coefficients.tolist(), strict=True)
+    supported = tuple(pair for pair in pairs if pair[0].key not in told.keys)
     smaller = [law for law in discovery.laws[1:] if len(law.candidates) <= len(told.candidates)]
     kept = [law for law in smaller if law.keys != told.keys]
     return replace(discovery, laws=[told, *kept], also_supported=supported, free_chi2=told.chi2)

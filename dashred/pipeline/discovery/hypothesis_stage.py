@@ -16,11 +16,8 @@ from dashred.inference.fit.stepwise_selection import RefittedSet
 from dashred.inference.forward.candidates import Candidate, replaced_terms
 from dashred.inference.forward.law_block import LawBlock
 from dashred.inference.forward.simulator import Simulator
-from dashred.inference.hypotheses.comparison.compare_hypotheses import (
-    Additions,
-    Comparison,
-    compare_hypotheses,
-)
+from dashred.inference.hypotheses.comparison.compare_hypotheses import compare_hypotheses
+from dashred.inference.hypotheses.comparison.comparison import Additions, Comparison
 from dashred.inference.hypotheses.extended.extended_library import build_extended_candidates
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN

@@ -103,8 +103,8 @@ def discover_in_segments(
         refit_count=len(found.laws),
         forcing_gain=0.0 if explained else (level - 1) * found.problem.segments.seen,
         also_supported=tuple(
-            candidate
-            for candidate in found.terms(supported)[0]
+            (candidate, float(value))
+            for candidate, value in zip(*found.terms(supported), strict=True)
             if candidate.key not in laws[0].keys
         ),
     )

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from matplotlib.figure import Figure
 from torch import Tensor
 
-from dashred.core.findings.law_schema import Forcing, Where
+from dashred.core.findings.law_schema import Forcing, LocalisedSource, Where
 from dashred.core.units import label_with_unit, time_label
 from dashred.inference.results.location import law_tendency
 from dashred.pipeline.analysis import Analysis
@@ -73,9 +73,9 @@ def draw_where(problem: Problem, analysis: Analysis, where: Where) -> Figure:
     return where_figure(where, law_map, system.units)
 
 
-def draw_forcing(problem: Problem, forcing: Forcing) -> Figure:
-    """Draw the map of a free forcing over time and the only axis."""
+def draw_forcing(problem: Problem, forcing: Forcing, source: LocalisedSource | None) -> Figure:
+    """Draw the map of a free forcing over time and the only axis, and a localised source."""
     [axis], units = problem.system.axes, problem.system.units
     places = [sensor.position[0] for sensor in problem.split.fit.sensors]
     label = label_with_unit(axis.name, units.get(axis.name))
-    return forcing_figure(forcing, label, axis.length, places, time_label(units))
+    return forcing_figure(forcing, label, axis.length, places, time_label(units), source)

@@ -56,7 +56,8 @@ def figures_of(problem: Problem, analysis: Analysis, findings: Findings) -> Figu
         figures["forecast.png"] = partial(draw_forecast, problem, analysis)
         figures["evidence.png"] = partial(_evidence, analysis, findings)
         if len(problem.system.axes) == 1 and where["forcing"] is not None:
-            figures["forcing.png"] = partial(draw_forcing, problem, where["forcing"])
+            drawn = partial(draw_forcing, problem, where["forcing"], where["source"])
+            figures["forcing.png"] = drawn
         figures["where.png"] = partial(draw_where, problem, analysis, where)
     if axes := len(problem.system.axes):
         name = "space_time.png" if axes == 1 else "snapshots.png"

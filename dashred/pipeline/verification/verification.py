@@ -24,7 +24,12 @@ from dashred.core.findings.schema import (
     new_findings,
 )
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
-from dashred.inference.results.explanation import alternatives, smaller_laws, terms_of_discovery
+from dashred.inference.results.explanation import (
+    also_supported,
+    alternatives,
+    smaller_laws,
+    terms_of_discovery,
+)
 from dashred.inference.results.location import locate
 from dashred.inference.results.verdict import unexplained_share, verdict
 from dashred.physics.runs.resolution import Resolution
@@ -90,6 +95,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         terms=terms_of_discovery(problem.system, discovered),
         alternatives=alternatives(discovered, problem.system),
         smaller=smaller_laws(discovered, problem.system),
+        also_supported=also_supported(discovered, problem.system),
         energy=energy_loss(
             problem.system,
             discovered.best,

@@ -50,6 +50,8 @@ def cause_text(cause: Cause, units: Mapping[str, str] = NO_UNITS) -> str | None:
                 f"a free forcing added to the best law gains {cause['gain']:.3g} in evidence; no "
                 "law of the library expresses what is missing, and the given terms are the nearest"
             )
+        case "outside-library" if "source" in cause:
+            return "no law of the library explains the recording; a localised source does"
         case "outside-library":
             return EXTENDED
     return None

@@ -4,10 +4,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dashred.core.formatting import number
+from dashred.core.units import NO_UNITS
 from dashred.reporting.text.causes import fault_causes
 from dashred.reporting.text.improvement import OTHER_CAUSES, reference
 from dashred.reporting.text.parameters import short_parameter_text
-from dashred.reporting.text.verdict import FEW, sentence
+from dashred.reporting.text.sources import short_source_text
+from dashred.reporting.text.verdict import FEW, located_source, sentence
 
 PLACES = {
     "test_sensors": "at sensors not used in any fit",
@@ -60,6 +62,7 @@ def _conclusion(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
     effects = [str(term["effect"]) for term in terms if term["equation"] is not None]
     missing = _listed(effects, mostly)
     changed = [short_parameter_text(term) for term in terms if term["equation"] is None]
+    units = findings.get("units", NO_UNITS)
     match findings["verdict"]:
         case "nothing-missing":
             return "the simulation agrees with the recording: these sensors show nothing missing"
@@ -78,6 +81,8 @@ def _conclusion(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
             )
         case "no-mismatch-seen":
             return "the recording agrees with the snapshots of the simulation"
+        case "outside-library" if (source := located_source(findings)) is not None:
+            return f"the simulation lacks {short_source_text(source, units)}"
         case "outside-library" if missing and "terms" in (findings["causes"] or [{}])[0]:
             return f"the simulation leaves out {missing}, in a form that is not in its library"
         case "outside-library":

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dashred.core.formatting import number, percent, pretty, rounded
-from dashred.core.units import NO_UNITS
+from dashred.core.units import NO_UNITS, with_unit
 from dashred.reporting.text.causes import fault_causes
 from dashred.reporting.text.improvement import (
     UNTESTED,
@@ -14,6 +14,7 @@ from dashred.reporting.text.improvement import (
     resolution_warning,
 )
 from dashred.reporting.text.regions import bounds
+from dashred.reporting.text.sources import source_text
 
 VERDICTS = {
     "missing-term": "a term is missing from the simulation",
@@ -53,11 +54,12 @@ def verdict_lines(findings: Mapping[str, Any]) -> list[str]:
     body = [
         *contradictions(findings),
         *causes(findings),
+        *source(findings),
         *law(findings),
         *other_laws(findings),
         *resolution_warning(findings["fit"]),
         *location(
-            findings["where"] if findings["terms"] else None, findings.get("units", NO_UNITS)
+            findings["where"] if has_law(findings) else None, findings.get("units", NO_UNITS)
         ),
         *consequences(findings),
         *improvements(findings),
@@ -92,9 +94,43 @@ def sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:].rstrip('.')}."
 
 
+def located_source(findings: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """Return the localised source of the findings, if there is one."""
+    found: Mapping[str, Any] | None = (findings["where"] or {}).get("source")
+    return found
+
+
+def has_law(findings: Mapping[str, Any]) -> bool:
+    """Return whether there are terms that do not express a localised source."""
+    found = located_source(findings)
+    return bool(findings["terms"]) and not (found and found["as_terms"])
+
+
+def source(findings: Mapping[str, Any]) -> list[str]:
+    """Return the localised source, or the place of the largest force that no law explains."""
+    units = findings.get("units", NO_UNITS)
+    if found := located_source(findings):
+        return [sentence(source_text(found, units))]
+    forcing = (findings["where"] or {}).get("forcing")
+    is_unexplained = any("gain" in cause for cause in _reported(findings))
+    if forcing is None or not is_unexplained or not forcing["peak"]:
+        return []
+    peak = " and ".join(
+        f"{axis} = {with_unit(f'{place:.3g}', units.get(axis))}"
+        for axis, place in zip(_axes(findings), forcing["peak"], strict=True)
+    )
+    return [f"The force that the simulation lacks is largest about {peak}."]
+
+
+def _axes(findings: Mapping[str, Any]) -> list[str]:
+    return list(findings["input"]["config"]["system"]["axes"])
+
+
 def law(findings: Mapping[str, Any]) -> list[str]:
     """Return the missing terms and the wrong parameters, with their sizes."""
     terms = findings["terms"] or []
+    if not has_law(findings):
+        return []
     rivals = any(other["rival"] for other in findings["alternatives"] or [])
     undecided = findings["verdict"] == "ambiguous" or rivals
     guess = "As the best guess, " if undecided and terms else ""

@@ -6,85 +6,50 @@ Every hypothesis is fitted with its own initial state. All are ranked by the sam
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-
-from torch import Tensor
+from collections.abc import Sequence
 
 from dashred.core.budget import Budget
 from dashred.core.progress import Report
-from dashred.inference.fit.law import Law, distinct_laws
+from dashred.inference.fit.law import distinct_laws
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.noise_model import NoiseModel
-from dashred.inference.forward.candidates import Candidate
-from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.comparison.backward_elimination import eliminate_terms
+from dashred.inference.hypotheses.comparison.comparison import Additions, Comparison
+from dashred.inference.hypotheses.comparison.faults_beside_laws import (
+    forcing_gain_over,
+    is_curves_alone,
+    refit_rivals_beside_faults,
+    search_faults_again,
+)
 from dashred.inference.hypotheses.comparison.global_hypotheses import fit_global_hypotheses
+from dashred.inference.hypotheses.comparison.local_and_extended import (
+    fit_local_and_extended,
+    fit_single_terms,
+)
+from dashred.inference.hypotheses.comparison.local_source import (
+    SourceHypothesis,
+    fit_local_source,
+    map_forcing,
+)
 from dashred.inference.hypotheses.comparison.noise_reestimation import (
     refit_under_best_noise,
-    refit_under_noise,
 )
-from dashred.inference.hypotheses.comparison.repeated_screening import repeat_screening
 from dashred.inference.hypotheses.comparison.residual_forcing import (
     MAX_SIMPLE_TERMS,
     ResidualForcing,
     fit_residual_forcing,
 )
-from dashred.inference.hypotheses.extended.extended_library import fit_extended_laws
 from dashred.inference.hypotheses.extended.periodic_forcing import fit_periodic_laws
-from dashred.inference.hypotheses.forcing_map import ForcingMap
-from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forcing
+from dashred.inference.hypotheses.free_forcing import fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import (
     REJECTION_MARGIN,
     HypothesisFit,
     by_score,
-    refit,
 )
-from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN, MIN_FORCING_GAIN
-from dashred.inference.hypotheses.sensors.fault_fits import fit_sensor_hypotheses
+from dashred.inference.hypotheses.result import MIN_FORCING_GAIN
 from dashred.inference.hypotheses.windows.threshold_likelihood import profile_threshold
-from dashred.inference.hypotheses.windows.windowed_laws import fit_windowed_laws
 
 # Below this χ²/n, under the noise that a free forcing leaves, a fit needs no further terms.
 MAX_EXPLAINED_CHI2 = 1.1
-
-
-@dataclass(frozen=True)
-class Additions:
-    """What may be added to the simulator.
-
-    Attributes:
-        global_count: number of candidates that may act everywhere; these come first.
-        tendency_rms: rms of each equation's own tendency, ``(equation,)``.
-        windowed_simulator: builds the simulator with windows, which takes seconds to compile.
-        extended_candidates: builds the terms beyond the library.
-    """
-
-    global_count: int
-    tendency_rms: Tensor
-    windowed_simulator: Callable[[], Simulator]
-    extended_candidates: Callable[[], Sequence[Candidate]]
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """All hypotheses, scored under the same noise.
-
-    Attributes:
-        laws: the laws, the best first.
-        uncorrected: the uncorrected simulator with its own best initial state.
-        noise: the noise under which they were scored.
-        forcing_gain: evidence for a free forcing on top of the best law.
-        forcing_map: the map of a forcing on top of the uncorrected simulator; None if the best law
-            is clear, if nothing is missing, or if no forcing can be fitted.
-    """
-
-    laws: list[Law]
-    uncorrected: Law
-    noise: NoiseModel
-    forcing_gain: float
-    forcing_map: ForcingMap | None
 
 
 def compare_hypotheses(
@@ -130,12 +95,29 @@ def compare_hypotheses(
         "periodic forcings", lambda: _fit_periodic(residual, base_fits, additions), nothing
     )
     fits += periodic_fits
+    source = SourceHypothesis()
+    if residual.is_unclear:
+        source = budget.attempt(
+            "a localised source",
+            lambda: fit_local_source(
+                residual,
+                base_fits[-1],
+                min(fits, key=by_score),
+                additions.tendency_rms,
+                additions.global_count,
+                report,
+            ),
+            source,
+        )
+        fits += source.fits
     leader = min(fits, key=by_score)
     is_simple = len(leader.law.candidates) <= MAX_SIMPLE_TERMS
     if leader is not fits[0] and is_simple and leader.law.chi2 < MAX_EXPLAINED_CHI2:
         forcing_gain = 0.0
+    elif source.is_clear:
+        forcing_gain = fit_free_forcing(leader.objective, leader.phi, additions.tendency_rms)[1]
     elif residual.is_unclear:
-        more_fits, forcing_gain = _fit_local_and_extended(
+        more_fits, forcing_gain = fit_local_and_extended(
             residual, additions, periodic_fits, budget, report
         )
         fits += more_fits
@@ -143,13 +125,13 @@ def compare_hypotheses(
         report(0.4, "fitting single terms in a window or beyond the library")
         fits += budget.attempt(
             "single terms in a window or beyond the library",
-            lambda: _fit_single_terms(residual, additions),
+            lambda: fit_single_terms(residual, additions),
             [],
         )
     fits += budget.attempt("laws without terms again", lambda: eliminate_terms(fits), [])
     fits += budget.attempt(
         "rivals beside a sensor fault",
-        lambda: _refit_rivals_beside_fault(residual, fits, rivals),
+        lambda: refit_rivals_beside_faults(residual, fits, rivals),
         [],
     )
     if residual.is_unclear or min(fits, key=by_score).faults:
@@ -157,20 +139,27 @@ def compare_hypotheses(
             "refits under the noise of the best law", lambda: refit_under_best_noise(fits), fits
         )
         fits += budget.attempt(
-            "sensor faults under the noise of the best law", lambda: _search_faults_again(fits), []
+            "sensor faults under the noise of the best law", lambda: search_faults_again(fits), []
         )
     uncorrected = min((fit for fit in fits if not fit.law.parts), key=by_score)
     best_fit = min(fits, key=by_score)
-    if _is_curves_alone(best_fit.law):
+    if is_curves_alone(best_fit.law):
         over_faults = budget.attempt(
             "a forcing in place of sensor faults",
-            lambda: _forcing_gain_over(best_fit, uncorrected, additions.tendency_rms),
+            lambda: forcing_gain_over(best_fit, uncorrected, additions.tendency_rms),
             0.0,
         )
         forcing_gain = max(forcing_gain, over_faults)
     laws = distinct_laws([profile_threshold(fit) if fit is best_fit else fit.law for fit in fits])
     noise = uncorrected.objective.noise
-    return Comparison(laws, uncorrected.law, noise, forcing_gain, residual.forcing_map)
+    forcing_map, located = residual.forcing_map, laws[0].source
+    if located is not None or forcing_gain > MIN_FORCING_GAIN:
+        report(0.9, "mapping the forcing in space and time")
+        forcing_map, located = map_forcing(residual, forcing_gain), located or source.located
+    forced_noise = residual.full_problem.noise
+    return Comparison(
+        laws, uncorrected.law, noise, forced_noise, forcing_gain, forcing_map, located
+    )
 
 
 def _fit_periodic(
@@ -184,147 +173,3 @@ def _fit_periodic(
         for fit in fit_periodic_laws(base, additions.tendency_rms, additions.global_count, bound)
     ]
     return residual.add_faults(periodic_fits)
-
-
-def _fit_local_and_extended(
-    residual: ResidualForcing,
-    additions: Additions,
-    periodic_fits: Sequence[HypothesisFit],
-    budget: Budget,
-    report: Report,
-) -> tuple[list[HypothesisFit], float]:
-    """Return laws in windows and beyond the library, and the forcing gain on the best of them."""
-    report(0.4, "screening terms by place, time and state")
-    all_candidates = range(len(residual.full_problem.prior_std))
-    null_score = residual.null.law.score
-    windowed_problem = _with_simulator(residual.full_problem, additions.windowed_simulator())
-
-    def screen(forcing: FreeForcing, bound: float) -> list[HypothesisFit]:
-        local_fits = fit_windowed_laws(
-            windowed_problem, additions.global_count, all_candidates, forcing, null_score, bound
-        )
-        return residual.add_faults(local_fits)
-
-    def screen_in_time(forcing: FreeForcing, bound: float) -> list[HypothesisFit]:
-        return budget.attempt("laws in a window", lambda: screen(forcing, bound), [])
-
-    first_fit = min([residual.best, *periodic_fits], key=by_score)
-    fits, best_fit, nearest, forcing_gain = repeat_screening(
-        first_fit,
-        screen_in_time,
-        residual.forcings,
-        residual.forcing_gain,
-        additions.tendency_rms,
-        report,
-    )
-    if forcing_gain > MIN_FORCING_GAIN or len(best_fit.law.candidates) >= MAX_SIMPLE_TERMS:
-        report(0.8, "screening terms beyond the library")
-
-        def fit_extended() -> tuple[list[HypothesisFit], float]:
-            extended = residual.add_faults(_fit_extended(residual, additions, nearest, math.inf))
-            return extended, _update_gain(extended, best_fit, forcing_gain, additions.tendency_rms)
-
-        nothing: list[HypothesisFit] = []
-        extended_fits, forcing_gain = budget.attempt(
-            "laws beyond the library", fit_extended, (nothing, forcing_gain)
-        )
-        fits += extended_fits
-    if residual.full_problem.deadline.is_over:
-        budget.leave_out("further laws in a window or beyond the library")
-    return fits, forcing_gain
-
-
-def _fit_single_terms(residual: ResidualForcing, additions: Additions) -> list[HypothesisFit]:
-    """Return laws of one term, in a window or beyond the library, that may rival the best law."""
-    best, forcing = residual.best, residual.best_forcing
-    windowed_problem = _with_simulator(residual.full_problem, additions.windowed_simulator())
-    bound, null_score = best.law.score + REJECTION_MARGIN, residual.null.law.score
-    indices = _candidates_in_same_equations(residual.full_problem, best)
-    local_fits = fit_windowed_laws(windowed_problem, 0, indices, forcing, null_score, bound)
-    return [*local_fits, *_fit_extended(residual, additions, forcing, bound)]
-
-
-def _fit_extended(
-    residual: ResidualForcing, additions: Additions, forcing: FreeForcing, bound: float
-) -> list[HypothesisFit]:
-    """Return laws with terms beyond the library, searched about the trajectory of a forcing."""
-    candidates, library_size = additions.extended_candidates(), additions.global_count
-    return fit_extended_laws(residual.full_problem, candidates, forcing, library_size, bound)
-
-
-def _search_faults_again(fits: Sequence[HypothesisFit]) -> list[HypothesisFit]:
-    """Return further sensor hypotheses, if the best one has sensor faults.
-
-    Its noise is smaller than that of the first search, so faults of other sensors may show.
-    """
-    best = min(fits, key=by_score)
-    if not best.faults:
-        return []
-    bases = [fit for fit in fits if fit.law.keys == best.law.keys and not fit.law.faults]
-    return [
-        found
-        for base in bases[:1]
-        for found in fit_sensor_hypotheses(base, best.law.score)
-        if found.law.score < best.law.score
-    ]
-
-
-def _is_curves_alone(law: Law) -> bool:
-    """Tell whether wandering sensors alone explain the recording."""
-    return not law.candidates and any(fault.kind == "wandering" for fault in law.faults)
-
-
-def _forcing_gain_over(faults: HypothesisFit, null: HypothesisFit, tendency_rms: Tensor) -> float:
-    """Return the evidence that a free forcing gains over sensor faults, under the same noise.
-
-    Error curves of several sensors can imitate a source near them, and a forcing then explains all
-    of them at once.
-    """
-    _, gain = fit_free_forcing(null.objective, null.phi, tendency_rms)
-    return faults.law.score - (null.law.score - gain)
-
-
-def _refit_rivals_beside_fault(
-    residual: ResidualForcing, fits: Sequence[HypothesisFit], rivals: Sequence[HypothesisFit]
-) -> list[HypothesisFit]:
-    """Return the rivals of the best law with and without a sensor fault, if it won with one.
-
-    Without the fault their scores could not be compared with that of the best law.
-    """
-    best_fit, noise = min(fits, key=by_score), residual.full_problem.noise
-    if not best_fit.law.faults or best_fit.law.keys != residual.best.law.keys:
-        return []
-    if residual.faulty:
-        refits = [refit(rival, replace(rival.objective, noise=noise)) for rival in rivals]
-        return residual.add_faults(refits)
-    bound = best_fit.law.score + AMBIGUITY_MARGIN
-    refits = [refit_under_noise(rival, noise) for rival in rivals]
-    with_faults = [fit for rival in refits for fit in fit_sensor_hypotheses(rival, bound)]
-    return [*refits, *with_faults]
-
-
-def _with_simulator(problem: LeastSquaresProblem, simulator: Simulator) -> LeastSquaresProblem:
-    """Return F with another simulator."""
-    return replace(problem, forward_model=replace(problem.forward_model, simulator=simulator))
-
-
-def _candidates_in_same_equations(
-    full_problem: LeastSquaresProblem, best: HypothesisFit
-) -> list[int]:
-    """Return the indices of the candidates in the equations of a law."""
-    equations = {candidate.equation for candidate in best.law.candidates}
-    candidates = full_problem.forward_model.law.candidates
-    return [j for j, candidate in enumerate(candidates) if candidate.equation in equations]
-
-
-def _update_gain(
-    extended_fits: Sequence[HypothesisFit],
-    best_fit: HypothesisFit,
-    forcing_gain: float,
-    tendency_rms: Tensor,
-) -> float:
-    """Return the forcing gain on the best extended law if this is the best law."""
-    best_extended = min([best_fit, *extended_fits], key=by_score)
-    if best_extended is best_fit:
-        return forcing_gain
-    return fit_free_forcing(best_extended.objective, best_extended.phi, tendency_rms)[1]

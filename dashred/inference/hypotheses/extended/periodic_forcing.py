@@ -137,7 +137,7 @@ def _select_waves(
         torch.cat([normal.phi[:own], torch.zeros(len(priors), dtype=torch.float64)]),
         normal.residuals,
     )
-    problem = _profile_out_base(linear, own)
+    problem = ProfiledProblem.from_normal_equations(linear, own)
     pairs = [(2 * j, 2 * j + 1) for j in range(len(fields) * len(grid))]
     costs = problem.costs(pairs)
     selected: list[Wave] = []
@@ -149,16 +149,6 @@ def _select_waves(
         if not any(wave.is_close_to(other, turn=float(grid[0])) for other in selected):
             selected.append(wave)
     return selected
-
-
-def _profile_out_base(linear: NormalEquations, own: int) -> ProfiledProblem:
-    """Profile out the initial state and the base's own coefficients under their priors."""
-    scale = linear.precision[:own].sqrt()
-    scaled = torch.cat([linear.jacobian[:, :own] / scale, linear.jacobian[:, own:]], dim=1)
-    unknowns = torch.cat([linear.phi[:own] * scale, linear.phi[own:]])
-    return ProfiledProblem.from_normal_equations(
-        replace(linear, jacobian=scaled, phi=unknowns), own
-    )
 
 
 def _fit_wave(

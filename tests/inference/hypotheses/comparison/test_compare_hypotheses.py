@@ -13,11 +13,8 @@ from dashred.core.budget import Budget
 from dashred.inference.fit.law import Law, build_law
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.law_block import restrict_to_window
-from dashred.inference.hypotheses.comparison.compare_hypotheses import (
-    Additions,
-    Comparison,
-    compare_hypotheses,
-)
+from dashred.inference.hypotheses.comparison.compare_hypotheses import compare_hypotheses
+from dashred.inference.hypotheses.comparison.comparison import Additions, Comparison
 from dashred.inference.hypotheses.extended.nonlinear_constants import parse_tunable_term
 from dashred.inference.hypotheses.free_forcing import fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit

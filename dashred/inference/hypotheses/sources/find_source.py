@@ -1,0 +1,142 @@
+"""Search for a localised source that explains what the simulator lacks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from torch import Tensor
+
+from dashred.inference.fit.least_squares import LeastSquaresProblem
+from dashred.inference.forward.candidates import Candidate
+from dashred.inference.hypotheses.free_forcing import FreeForcing
+from dashred.inference.hypotheses.sources.courses import Periodic
+from dashred.inference.hypotheses.sources.screening import ScreenedSource, screen_sources
+from dashred.inference.hypotheses.sources.smooth_forcing import (
+    LinearisedForcing,
+    linearise_fine_forcing,
+)
+from dashred.inference.hypotheses.sources.source_fit import SourceFit, fit_source
+from dashred.inference.hypotheses.windows.screening import profile_out
+from dashred.physics.expressions.algebra import Expr, multiply
+from dashred.physics.system import Term
+
+# A source has to explain this share of the misfit beyond noise, on the coarse mesh and in a fit.
+MIN_SCREENED_SHARE, MIN_EXPLAINED_SHARE = 0.5, 0.9
+# Below this χ²/n a source explains the recording.
+MAX_EXPLAINED_CHI2 = 1.1
+# A kind of source is fitted if it explains at most this share of the misfit less than the best. Its
+# fit may lower the score, because the mesh is coarser than a bump.
+NEAR = 0.05
+
+
+@dataclass(frozen=True)
+class FoundSource:
+    """A source that explains most of what the simulator lacks.
+
+    Attributes:
+        fit: the fit of the source and the start, without a law.
+        penalty: penalty for its unknowns and for the search.
+        share: share of the misfit beyond noise that it explains.
+    """
+
+    fit: SourceFit
+    penalty: float
+    share: float
+
+    @property
+    def score(self) -> float:
+        """F plus the penalty."""
+        return self.fit.cost + self.penalty
+
+
+def find_source(
+    null: LeastSquaresProblem,
+    null_phi: Tensor,
+    forcing: FreeForcing,
+    size: Tensor,
+    candidate_count: int,
+) -> FoundSource | None:
+    """Return the best source; None if no source explains most of the misfit.
+
+    Args:
+        null: F of the start alone.
+        null_phi: its minimum, ``(mode,)``.
+        forcing: a free forcing that explains the recording, on top of a law or of none.
+        size: rms of each equation's own tendency, ``(equation,)``.
+        candidate_count: number of terms tried before, for the penalty of the search.
+    """
+    if not null.forward_model.simulator.system.axes:
+        return None
+    [misfit], _ = null.values(null_phi[None])
+    count = null.noise.count
+    coarse = LinearisedForcing(forcing.objective, forcing.block, forcing.normal).without_law()
+    equations = forcing.equations
+    screened, constant = screen_sources(coarse, equations, candidate_count)
+    if not _is_compact(screened, constant, count):
+        return None
+    fine = linearise_fine_forcing(forcing).without_law()
+    screened, constant = screen_sources(fine, equations, candidate_count)
+    bound = screened[0].score + NEAR * (constant - screened[0].score)
+    promising = [each for each in screened if each.score < bound]
+    fit, penalty = _best_fit(null, forcing.phi[: null.modes], promising, size)
+    share = 1 - max(fit.chi2 - count, 0.0) / max(float(misfit) - count, 1.0)
+    return FoundSource(fit, penalty, share) if share > MIN_EXPLAINED_SHARE else None
+
+
+def _best_fit(
+    null: LeastSquaresProblem, phi: Tensor, screened: Sequence[ScreenedSource], size: Tensor
+) -> tuple[SourceFit, float]:
+    """Return the fit of the best source and its penalty; the plainest courses are fitted first.
+
+    No further course is fitted if one explains the recording.
+    """
+    fits: list[tuple[SourceFit, float]] = []
+    for each in sorted(screened, key=lambda each: each.penalty):
+        fits.append((fit_source(null, phi, each.source, size), each.penalty))
+        if fits[-1][0].chi2 < MAX_EXPLAINED_CHI2 * null.noise.count:
+            break
+    best, penalty = min(fits, key=lambda pair: pair[0].cost + pair[1])
+    course = best.source.course
+    if isinstance(course, Periodic) and course.harmonics > 1:
+        faster, amplitudes = course.second_harmonic(best.source.amplitudes)
+        source = replace(best.source, course=faster, amplitudes=amplitudes)
+        fits.append((fit_source(null, best.phi, source, size), penalty - 2 * _penalty_of_one(null)))
+    return min(fits, key=lambda pair: pair[0].cost + pair[1])
+
+
+def _penalty_of_one(null: LeastSquaresProblem) -> float:
+    """Return the penalty for one amplitude."""
+    return math.log(null.noise.effective_count)
+
+
+def _is_compact(screened: Sequence[ScreenedSource], constant: float, count: int) -> bool:
+    """Return whether a source explains enough of the misfit beyond noise on a coarse mesh."""
+    least = min(found.score - found.penalty for found in screened)
+    return constant - least > MIN_SCREENED_SHARE * (constant - count) > 0
+
+
+def rival_score(
+    full_problem: LeastSquaresProblem, found: FoundSource, forcing: FreeForcing
+) -> float:
+    """Return the smallest linearised F of a single term that acts where the source is.
+
+    Args:
+        full_problem: F of all candidates.
+        found: the source.
+        forcing: a free forcing that explains the recording.
+    """
+    system, source = full_problem.forward_model.simulator.system, found.fit.source
+    equation = system.fields[source.equation]
+    bump = system.parse(source.bump.text(system), f"library.{equation}", equation=equation)
+    candidates = full_problem.forward_model.law.candidates
+    local = [_in_region(candidate, bump) for candidate in candidates]
+    problem = profile_out(full_problem, forcing, local, full_problem.prior_std)
+    return float(problem.costs([(j,) for j in range(len(local))]).min())
+
+
+def _in_region(candidate: Candidate, bump: Expr) -> Candidate:
+    """Return a candidate multiplied by a bump."""
+    terms = tuple(Term(t.equation, multiply((bump, t.expression))) for t in candidate.terms)
+    return replace(candidate, terms=terms)
