@@ -5,7 +5,7 @@ from typing import Any
 
 from dashred.core.formatting import number
 from dashred.core.units import NO_UNITS
-from dashred.reporting.text.causes import fault_causes
+from dashred.reporting.text.causes import cause_text, fault_causes
 from dashred.reporting.text.improvement import OTHER_CAUSES, reference
 from dashred.reporting.text.parameters import short_parameter_text
 from dashred.reporting.text.sources import short_source_text
@@ -109,7 +109,8 @@ def _faults(findings: Mapping[str, Any]) -> str | None:
     faults = fault_causes(findings["causes"] or [])
     if not faults:
         return None
-    texts = "; ".join(fault["says"] for fault in faults)
+    units = findings.get("units", NO_UNITS)
+    texts = "; ".join(cause_text(fault, units) for fault in faults)
     number = "a sensor is faulty" if len(faults) == 1 else f"{len(faults)} sensors are faulty"
     return f"{number}: {texts}"
 
