@@ -19,6 +19,10 @@ from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.comparison.backward_elimination import eliminate_terms
+from dashred.inference.hypotheses.comparison.forcing_against_faults import (
+    forcing_gain_over,
+    is_curves_alone,
+)
 from dashred.inference.hypotheses.comparison.noise_reestimation import (
     refit_under_best_noise,
     refit_under_noise,
@@ -133,8 +137,8 @@ def compare_hypotheses(
         fits += _search_faults_again(fits)
     uncorrected = min((fit for fit in fits if not fit.law.parts), key=by_score)
     best_fit = min(fits, key=by_score)
-    if _is_curves_alone(best_fit.law):
-        over_faults = _forcing_gain_over(best_fit, uncorrected, additions.tendency_rms)
+    if residual.forcing_alone is not None and is_curves_alone(best_fit.law):
+        over_faults = forcing_gain_over(best_fit, uncorrected, residual.forcing_alone)
         forcing_gain = max(forcing_gain, over_faults)
     laws = distinct_laws([profile_threshold(fit) if fit is best_fit else fit.law for fit in fits])
     noise = uncorrected.objective.noise
@@ -226,21 +230,6 @@ def _search_faults_again(fits: Sequence[HypothesisFit]) -> list[HypothesisFit]:
         for found in fit_sensor_hypotheses(base, best.law.score)
         if found.law.score < best.law.score
     ]
-
-
-def _is_curves_alone(law: Law) -> bool:
-    """Tell whether wandering sensors alone explain the recording."""
-    return not law.candidates and any(fault.kind == "wandering" for fault in law.faults)
-
-
-def _forcing_gain_over(faults: HypothesisFit, null: HypothesisFit, tendency_rms: Tensor) -> float:
-    """Return the evidence that a free forcing gains over sensor faults, under the same noise.
-
-    Error curves of several sensors can imitate a source near them, and a forcing then explains all
-    of them at once.
-    """
-    _, gain = fit_free_forcing(null.objective, null.phi, tendency_rms)
-    return faults.law.score - (null.law.score - gain)
 
 
 def _refit_rivals_beside_fault(
