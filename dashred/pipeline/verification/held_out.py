@@ -10,6 +10,7 @@ from torch import Tensor
 
 from dashred.core.findings.methods import AT_SENSORS
 from dashred.core.findings.schema import HeldOut, errors_by_method
+from dashred.inference.fit.law import Law
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.verification.restart import restart
@@ -69,13 +70,14 @@ def _heldout_errors(problem: Problem, analysis: Analysis) -> Errors:
     begin = total - len(problem.split.heldout.times)
     ends = {"simulation": analysis.nominal.states, **analysis.trajectories.states}
     runs = {name: states[begin:total] for name, states in ends.items()}
-    return _errors_at_heldout_times(problem, runs, [problem])
+    return _errors_at_heldout_times(problem, runs, [problem], analysis.discovery.best)
 
 
 def _restarted_errors(problem: Problem, analysis: Analysis) -> Errors:
     corrected = analysis.trajectories.states["corrected"][: len(problem.split.fit.times)]
-    restarted = restart(problem, analysis.discovery.best, corrected)
-    return _errors_at_heldout_times(problem, restarted, [problem])
+    best = analysis.discovery.best
+    restarted = restart(problem, best, corrected)
+    return _errors_at_heldout_times(problem, restarted, [problem], best)
 
 
 def _held_out_episode_errors(problem: Problem, analysis: Analysis) -> dict[str, float]:
@@ -88,15 +90,22 @@ def _held_out_episode_errors(problem: Problem, analysis: Analysis) -> dict[str, 
     ends = slice(len(whole.split.fit.times), len(whole.times))
     states = {"simulation": simulated, **free.states}
     runs = {name: path[ends] for name, path in states.items()}
-    errors = _errors_at_heldout_times(whole, runs, problem.episodes)
+    best = analysis.discovery.best
+    errors = _errors_at_heldout_times(whole, runs, problem.episodes, best)
     return {name: rmse for name, (rmse, _) in errors.items()}
 
 
 def _errors_at_heldout_times(
-    problem: Problem, runs: Mapping[str, Tensor], fitted: Sequence[Problem]
+    problem: Problem, runs: Mapping[str, Tensor], fitted: Sequence[Problem], law: Law
 ) -> Errors:
-    """Return the RMSE over the held-out time, in std of each trace in the fit window."""
+    """Return the RMSE over the held-out time, in std of each trace in the fit window.
+
+    Sensors that the law tells to be faulty are left out, unless all are.
+    """
     heldout = problem.split.heldout
+    faulty = {fault.sensor for fault in law.faults}
+    if sound := [name for name in heldout.names if name not in faulty]:
+        heldout = heldout.select(sound)
     scale = np.array([_fitted_std(name, fitted) for name in heldout.names])
     operator = problem.operator(heldout)
     count = int((~np.isnan(heldout.values)).sum())

@@ -26,7 +26,7 @@ from dashred.core.findings.schema import (
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.inference.results.explanation import alternatives, smaller_laws, terms_of_discovery
 from dashred.inference.results.location import locate
-from dashred.inference.results.verdict import unexplained_share, verdict
+from dashred.inference.results.verdict import unexplained_share, verdict, with_faults
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
@@ -35,6 +35,7 @@ from dashred.pipeline.outputs.field_files import episodes_dataset
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.verification.energy import energy_loss
 from dashred.pipeline.verification.held_out import held_out_errors
+from dashred.pipeline.verification.held_out_faults import held_out_faults
 from dashred.pipeline.verification.numerical_error import numerical_error
 from dashred.pipeline.verification.structure import structure_change
 from dashred.reporting.wording.findings_text import add_text
@@ -49,6 +50,9 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         problem.noise_of(names).repeat(len(problem.episodes)), discovered.noise
     )
     kind, causes = verdict(discovered, left, problem.fault_details)
+    if kind != "not-converged":
+        faults = held_out_faults(problem, analysis)
+        kind, causes = with_faults(kind, causes, map(problem.fault_details, faults))
     fit = Fit(
         # The noise is the same in all episodes.
         noise_std=problem.noise | dict(zip(names, discovered.noise.std.tolist(), strict=False)),

@@ -19,9 +19,11 @@ from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.comparison.backward_elimination import eliminate_terms
-from dashred.inference.hypotheses.comparison.forcing_against_faults import (
+from dashred.inference.hypotheses.comparison.faults_beside_laws import (
+    forcing_gain_beside,
     forcing_gain_over,
     is_curves_alone,
+    search_faults_beside_best,
 )
 from dashred.inference.hypotheses.comparison.noise_reestimation import (
     refit_under_best_noise,
@@ -132,9 +134,15 @@ def compare_hypotheses(
         fits += _fit_single_terms(residual, additions)
     fits += eliminate_terms(fits)
     fits += _refit_rivals_beside_fault(residual, fits, rivals)
+    searched = {fit.law.parts for fit in (residual.best, residual.null)}
+    found = search_faults_beside_best(fits, searched)
+    fits += found
+    if found and forcing_gain > MIN_FORCING_GAIN:
+        best_with_faults = min(found, key=by_score)
+        forcing_gain = forcing_gain_beside(best_with_faults, additions.tendency_rms)
     if residual.is_unclear or min(fits, key=by_score).faults:
         fits = refit_under_best_noise(fits)
-        fits += _search_faults_again(fits)
+        fits += search_faults_beside_best(fits, set())
     uncorrected = min((fit for fit in fits if not fit.law.parts), key=by_score)
     best_fit = min(fits, key=by_score)
     if residual.forcing_alone is not None and is_curves_alone(best_fit.law):
@@ -213,23 +221,6 @@ def _fit_global_hypotheses(best: HypothesisFit, null: HypothesisFit) -> list[Hyp
     if best.law.candidates:
         fits += fit_sensor_hypotheses(best, best.law.score)
     return fits + fit_start_hypotheses(null, best.law.score + REJECTION_MARGIN)
-
-
-def _search_faults_again(fits: Sequence[HypothesisFit]) -> list[HypothesisFit]:
-    """Return further sensor hypotheses, if the best one has sensor faults.
-
-    Its noise is smaller than that of the first search, so faults of other sensors may show.
-    """
-    best = min(fits, key=by_score)
-    if not best.faults:
-        return []
-    bases = [fit for fit in fits if fit.law.keys == best.law.keys and not fit.law.faults]
-    return [
-        found
-        for base in bases[:1]
-        for found in fit_sensor_hypotheses(base, best.law.score)
-        if found.law.score < best.law.score
-    ]
 
 
 def _refit_rivals_beside_fault(

@@ -1,0 +1,81 @@
+"""Sensor faults beside the best law, and what a free forcing explains beside or instead of them."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+from torch import Tensor
+
+from dashred.inference.fit.law import Law
+from dashred.inference.hypotheses.free_forcing import FreeForcing, evidence, fit_free_forcing
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, by_score
+from dashred.inference.hypotheses.sensors.fault_fits import fit_sensor_hypotheses
+
+
+def search_faults_beside_best(
+    fits: Sequence[HypothesisFit], searched: Collection[frozenset[str]]
+) -> list[HypothesisFit]:
+    """Return better hypotheses that add sensor faults to the best law.
+
+    If the best one has faults, they are searched anew beside its law: under a smaller noise, faults
+    of other sensors may show.
+
+    Args:
+        fits: hypotheses under one noise.
+        searched: parts of the laws beside which faults have been searched under this noise.
+    """
+    best = min(fits, key=by_score)
+    keys, factor = best.law.keys, best.law.start_prior_factor
+    same = [
+        fit
+        for fit in fits
+        if fit.law.keys == keys and fit.law.start_prior_factor == factor and not fit.law.faults
+    ]
+    if best.excluded is not None or not same or same[0].law.parts in searched:
+        return []
+    found = fit_sensor_hypotheses(min(same, key=by_score), best.law.score)
+    return [fit for fit in found if fit.law.score < best.law.score]
+
+
+def forcing_gain_beside(fit: HypothesisFit, tendency_rms: Tensor) -> float:
+    """Return the evidence that a free forcing gains on a law, without the faulty sensors.
+
+    Args:
+        fit: a law with faults.
+        tendency_rms: rms of each equation's own tendency, ``(equation,)``.
+    """
+    objective = fit.objective
+    block, noise = objective.forward_model.sensors, objective.noise
+    seen = noise.available.clone()
+    for fault in fit.faults:
+        seen[:, block.columns_of(fault.sensor)] = False
+    count = objective.forward_model.law.count
+    forward_model = replace(objective.forward_model, sensors=replace(block, errors=()))
+    sound = replace(
+        objective,
+        forward_model=forward_model,
+        noise=replace(noise, available=seen),
+        prior_std=objective.prior_std[:count],
+    )
+    phi = fit.phi[: objective.modes + count]
+    return fit_free_forcing(sound, phi, tendency_rms)[1]
+
+
+def is_curves_alone(law: Law) -> bool:
+    """Tell whether wandering sensors explain the recording without any law."""
+    return not law.candidates and any(fault.kind == "wandering" for fault in law.faults)
+
+
+def forcing_gain_over(faults: HypothesisFit, null: HypothesisFit, forcing: FreeForcing) -> float:
+    """Return the evidence that a free forcing gains over sensor faults, under the same noise.
+
+    Args:
+        faults: the uncorrected simulator with sensor faults.
+        null: the uncorrected simulator, under the same noise.
+        forcing: a forcing on top of the uncorrected simulator, fitted under another noise.
+    """
+    problem = replace(forcing.objective, noise=null.objective.noise)
+    there = replace(forcing, objective=problem, normal=problem.linearise(forcing.phi))
+    gain = evidence(null.normal, range(len(null.phi))) - there.evidence
+    return faults.law.score - (null.law.score - gain)
