@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import cast
 
 from torch import Tensor
@@ -72,6 +72,19 @@ def verdict(
     # Rivals do not make the verdict ambiguous if all are laws of the extended library.
     is_clear = not discovery.rivals or kinds == {"outside-library"}
     return (_kind(discovery.best) if is_clear else "ambiguous"), causes
+
+
+def with_faults(
+    kind: Verdict, causes: Sequence[Cause], faults: Iterable[FaultySensor]
+) -> tuple[Verdict, list[Cause]]:
+    """Return a verdict and its causes with further faulty sensors, which no fit has used.
+
+    They are beside the leading cause; if nothing is missing, they are the verdict.
+    """
+    found = [_sensor_fault(1.0, fault) for fault in faults]
+    if found and kind == "nothing-missing":
+        return "sensor-fault", [*found, *causes]
+    return kind, [*causes[:1], *found, *causes[1:]]
 
 
 def unexplained_share(stated: Tensor | None, found: NoiseModel) -> float | None:

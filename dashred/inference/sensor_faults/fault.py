@@ -84,6 +84,10 @@ class Fault:
         return self.complexity.penalty(information, samples) + choice
 
 
+Alternatives = tuple[Fault, ...]
+"""One fault with different priors of its parameters."""
+
+
 def count_sensors(objective: LeastSquaresProblem) -> int:
     """Return the number of sensors with readings; a sensor counts once for all episodes."""
     sensors, seen = objective.forward_model.sensors.sensors, objective.noise.available.any(dim=0)

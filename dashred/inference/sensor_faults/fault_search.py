@@ -13,7 +13,8 @@ import torch
 from torch import Tensor
 
 from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
-from dashred.inference.sensor_faults.fault import Fault, count_sensors
+from dashred.inference.forward.sensor_block import SensorErrors
+from dashred.inference.sensor_faults.fault import Alternatives, Fault, count_sensors
 from dashred.inference.sensor_faults.fault_table import fault_candidates
 from dashred.inference.sensor_faults.linearised_fit import Columns, LinearisedFit
 
@@ -78,38 +79,52 @@ class FaultProblem:
         linear = LinearisedFit.of(normal)
         return cls(objective, linear, states, FaultSet((), linear.cost, 0.0, (), ()))
 
-    def add(self, fault: Fault) -> FaultProblem:
-        """Return the problem with a further fault, and its parameters at the new minimum.
+    def add(self, alternatives: Alternatives) -> FaultProblem:
+        """Return the problem with the best of some alternatives, and its parameters.
 
         The parameters of the earlier faults are those of the earlier minimum.
         """
-        objective = without_samples(self.objective, fault)
-        linear, before = self.linear, self.faults
-        if fault.samples is not None:
-            removed = objective.noise.available != self.objective.noise.available
-            linear = linear.without_rows(removed.flatten())
+        errors = alternatives[0].errors
+        if errors is None:
+            return self._remove_samples(alternatives[0])
+        columns = _linearise_errors(self.objective, errors, self.states)
+        profile, before = self.linear.profile(columns), self.faults
+        constant = sum(each.constant for each in before.faults)
+        tried = []
+        for fault in alternatives:
+            assert fault.errors is not None
+            estimate = profile.minimum(fault.errors.scales)
+            faults = FaultSet(
+                (*before.faults, fault),
+                estimate.cost + constant,
+                before.penalty + self._penalty(fault, profile.information),
+                (*before.parameters, estimate.parameters),
+                (*before.covariances, estimate.covariance),
+            )
+            tried.append((faults, fault.errors.scales))
+        faults, scales = min(tried, key=lambda pair: pair[0].score)
+        linear = self.linear.with_columns(columns, scales)
+        return replace(self, linear=linear, faults=faults)
+
+    def _remove_samples(self, fault: Fault) -> FaultProblem:
+        """Return the problem with a fault that has no parameters."""
+        objective, before = without_samples(self.objective, fault), self.faults
+        removed = objective.noise.available != self.objective.noise.available
+        linear = self.linear.without_rows(removed.flatten())
+        none = torch.zeros(0, dtype=torch.float64)
         constant = sum(each.constant for each in (*before.faults, fault))
-        parameters = covariance = information = torch.zeros(0, dtype=torch.float64)
-        cost = constant
-        if fault.errors is None:
-            cost += linear.cost
-        else:
-            columns = _linearise_errors(objective, fault, self.states)
-            estimate = linear.estimate(columns)
-            parameters, covariance = estimate.parameters, estimate.covariance
-            information = estimate.information
-            linear, cost = linear.with_columns(columns), cost + estimate.cost
-        own_penalty = fault.penalty(
-            information, objective.noise.effective_count, objective.recorded.shape[1]
-        )
         faults = FaultSet(
             (*before.faults, fault),
-            cost,
-            before.penalty + own_penalty,
-            (*before.parameters, parameters),
-            (*before.covariances, covariance),
+            linear.cost + constant,
+            before.penalty + self._penalty(fault, none),
+            (*before.parameters, none),
+            (*before.covariances, none),
         )
         return replace(self, objective=objective, linear=linear, faults=faults)
+
+    def _penalty(self, fault: Fault, information: Tensor) -> float:
+        samples, sensors = self.objective.noise.effective_count, self.objective.recorded.shape[1]
+        return fault.penalty(information, samples, sensors)
 
     def add_each(self, sensors: Collection[int], kinds: Collection[str]) -> list[FaultProblem]:
         """Return the problem with each fault of each sound sensor, the best of each kind.
@@ -118,21 +133,17 @@ class FaultProblem:
             sensors: columns of the sensors that may be faulty.
             kinds: the kinds of faults that are tried.
         """
-        best: dict[tuple[str, int], FaultProblem] = {}
-        for fault in self._candidates(sensors, kinds):
-            found, key = self.add(fault), (fault.kind, fault.sensor)
-            if key not in best or found.faults.score < best[key].faults.score:
-                best[key] = found
-        return sorted(best.values(), key=_by_score)
+        return sorted(map(self.add, self._candidates(sensors, kinds)), key=_by_score)
 
-    def _candidates(self, sensors: Collection[int], kinds: Collection[str]) -> Iterator[Fault]:
+    def _candidates(
+        self, sensors: Collection[int], kinds: Collection[str]
+    ) -> Iterator[Alternatives]:
         block = self.objective.forward_model.sensors
         faulty = {block.sensors[fault.sensor].name for fault in self.faults.faults}
         for sensor in sensors:
             is_seen = bool(self.objective.noise.available[:, sensor].any())
             if is_seen and block.sensors[sensor].name not in faulty:
-                found = fault_candidates(self.objective, self.linear, sensor)
-                yield from (fault for fault in found if fault.kind in kinds)
+                yield from fault_candidates(self.objective, self.linear, sensor, kinds)
 
 
 def find_faults(
@@ -196,20 +207,20 @@ def largest_count(objective: LeastSquaresProblem) -> int:
 
 def _add_all(problem: FaultProblem, faults: Sequence[Fault]) -> FaultProblem:
     for fault in faults:
-        problem = problem.add(fault)
+        problem = problem.add((fault,))
     return problem
 
 
-def _linearise_errors(objective: LeastSquaresProblem, fault: Fault, states: Tensor) -> Columns:
+def _linearise_errors(
+    objective: LeastSquaresProblem, errors: SensorErrors, states: Tensor
+) -> Columns:
     """Linearise the effect of a fault on the whitened readings about a first guess."""
     noise, stated = objective.noise, objective.forward_model.sensors.observe(states)
-    errors = fault.errors
-    assert errors is not None
     guess = errors.first_guess(states, objective.recorded, noise.std)
     matrix = noise.whiten(errors.columns(stated, states, guess).movedim(-1, 0)).flatten(1).T
     [shifted] = errors.apply(stated[None], states[None], guess[None])
     effect = noise.whiten(shifted - stated).flatten()
-    return Columns(matrix, matrix @ guess - effect, errors.scales**-2)
+    return Columns(matrix, matrix @ guess - effect)
 
 
 def _by_score(problem: FaultProblem) -> float:

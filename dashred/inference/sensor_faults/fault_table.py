@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 
 from torch import Tensor
@@ -10,10 +10,10 @@ from torch import Tensor
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.sensor_faults import lost_samples, offset_faults
-from dashred.inference.sensor_faults.fault import Fault
+from dashred.inference.sensor_faults.fault import Alternatives, Fault
 from dashred.inference.sensor_faults.linearised_fit import LinearisedFit
 
-Candidates = Callable[[LeastSquaresProblem, LinearisedFit, int], Iterator[Fault]]
+Candidates = Callable[[LeastSquaresProblem, LinearisedFit, int], Iterator[Alternatives]]
 """Yields the faults that a sensor may have; a linearised fit gives the other sensors' judgement."""
 
 InUnits = Callable[[LeastSquaresProblem, Fault, Tensor, Tensor], SensorFault]
@@ -40,17 +40,18 @@ SEARCHED_KINDS = {
 
 
 def fault_candidates(
-    objective: LeastSquaresProblem, linear: LinearisedFit, sensor: int
-) -> Iterator[Fault]:
+    objective: LeastSquaresProblem, linear: LinearisedFit, sensor: int, kinds: Collection[str]
+) -> Iterator[Alternatives]:
     """Yield the faults that a sensor may have.
 
     Args:
         objective: F of a law that may be right.
         linear: F linearised about its fit.
         sensor: column of the sensor in the readings.
+        kinds: the kinds of faults.
     """
-    for kind in SEARCHED_KINDS.values():
-        yield from kind.candidates(objective, linear, sensor)
+    for kind in kinds:
+        yield from SEARCHED_KINDS[kind].candidates(objective, linear, sensor)
 
 
 def fault_in_units(

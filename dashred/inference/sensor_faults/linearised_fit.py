@@ -26,29 +26,49 @@ class Columns:
         matrix: derivative of the whitened readings, ``(time·sensor, parameter)``.
         offset: what is added to the target, because they are linearised about a first guess,
             ``(time·sensor,)``.
-        precision: diagonal of the prior's precision, ``(parameter,)``.
     """
 
     matrix: Tensor
     offset: Tensor
-    precision: Tensor
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A linearised fit as a function of further unknowns, all others at their minimum.
+
+    ``F(c) = power - 2 cᵀ goal + cᵀ S c``, without the prior of c.
+
+    Attributes:
+        power: F for c = 0.
+        goal: ``(parameter,)``.
+        information: S, ``(parameter, parameter)``.
+    """
+
+    power: float
+    goal: Tensor
+    information: Tensor
+
+    def minimum(self, scales: Tensor) -> Estimate:
+        """Return the minimum under a prior with these standard deviations, ``(parameter,)``."""
+        hessian = self.information + torch.diag(scales**-2)
+        covariance = solve(hessian, torch.eye(len(hessian), dtype=hessian.dtype))
+        parameters = covariance @ self.goal
+        return Estimate(self.power - float(self.goal @ parameters), parameters, covariance)
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """The minimum of a linearised fit over further unknowns and all others.
+    """The minimum of F over further unknowns and all others.
 
     Attributes:
-        cost: the minimum of F.
+        cost: the minimum.
         parameters: the further unknowns there, ``(parameter,)``.
         covariance: their posterior covariance, ``(parameter, parameter)``.
-        information: S, ``(parameter, parameter)``.
     """
 
     cost: float
     parameters: Tensor
     covariance: Tensor
-    information: Tensor
 
 
 @dataclass(frozen=True)
@@ -75,23 +95,18 @@ class LinearisedFit:
         """The minimum of F."""
         return float(self._residual.square().sum())
 
-    def estimate(self, columns: Columns) -> Estimate:
-        """Return the minimum over further unknowns and all others."""
-        added = self._without_fitted(columns.matrix)
-        residual = self._residual + self._without_fitted(columns.offset[:, None])[:, 0]
-        information, goal = added.T @ added, added.T @ residual
-        hessian = information + torch.diag(columns.precision)
-        covariance = solve(hessian, torch.eye(len(hessian), dtype=hessian.dtype))
-        parameters = covariance @ goal
-        cost = float(residual.square().sum() - goal @ parameters)
-        return Estimate(cost, parameters, covariance, information)
+    def profile(self, columns: Columns) -> Profile:
+        """Return F as a function of further unknowns."""
+        both = self._without_fitted(torch.cat([columns.matrix, columns.offset[:, None]], dim=1))
+        added, residual = both[:, :-1], self._residual + both[:, -1]
+        return Profile(float(residual.square().sum()), added.T @ residual, added.T @ added)
 
-    def with_columns(self, columns: Columns) -> LinearisedFit:
-        """Return F with further unknowns."""
+    def with_columns(self, columns: Columns, scales: Tensor) -> LinearisedFit:
+        """Return F with further unknowns, whose prior has these standard deviations."""
         return LinearisedFit(
             torch.cat([self.jacobian, columns.matrix], dim=1),
             self.target + columns.offset,
-            torch.cat([self.precision, columns.precision]),
+            torch.cat([self.precision, scales**-2]),
         )
 
     def without_rows(self, removed: Tensor) -> LinearisedFit:

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.sensor_faults.fault import CountedParameters, Fault
+from dashred.inference.sensor_faults.fault import Alternatives, CountedParameters, Fault
 from dashred.inference.sensor_faults.linearised_fit import LinearisedFit
 
 # A sample is a spike if it is this many σ off both the prediction and its neighbours.
@@ -24,7 +24,9 @@ STUCK_STD_SHARE, MIN_STUCK_SAMPLES = 0.02, 6
 DEAD_STD_SHARE = 0.1
 
 
-def spikes(objective: LeastSquaresProblem, linear: LinearisedFit, sensor: int) -> Iterator[Fault]:
+def spikes(
+    objective: LeastSquaresProblem, linear: LinearisedFit, sensor: int
+) -> Iterator[Alternatives]:
     """Yield the spikes of a sensor in one episode: samples that the other sensors contradict."""
     seen = objective.noise.available[:, sensor]
     residual = _residual_without_sensor(objective, linear, sensor)
@@ -33,10 +35,12 @@ def spikes(objective: LeastSquaresProblem, linear: LinearisedFit, sensor: int) -
     if 0 < int(found.sum()) <= MAX_SPIKE_SHARE * int(seen.sum()):
         groups = int((found & ~torch.cat([torch.zeros_like(found[:1]), found[:-1]])).sum())
         complexity = CountedParameters(SPIKE_PARAMETERS * groups)
-        yield Fault("spikes", sensor, complexity, samples=found)
+        yield (Fault("spikes", sensor, complexity, samples=found),)
 
 
-def stuck(objective: LeastSquaresProblem, linear: LinearisedFit, sensor: int) -> Iterator[Fault]:
+def stuck(
+    objective: LeastSquaresProblem, linear: LinearisedFit, sensor: int
+) -> Iterator[Alternatives]:
     """Yield the fault of a sensor that is stuck from some sample on, if it is."""
     trace = objective.recorded[:, sensor]
     known = torch.nonzero(~trace.isnan()).flatten()
@@ -50,7 +54,7 @@ def stuck(objective: LeastSquaresProblem, linear: LinearisedFit, sensor: int) ->
     samples[known[first:]] = True
     tail = values[first:]
     constant = float(((tail - tail.mean()) / sigma).square().sum())
-    yield Fault("stuck", sensor, CountedParameters(2.0), samples=samples, constant=constant)
+    yield (Fault("stuck", sensor, CountedParameters(2.0), samples=samples, constant=constant),)
 
 
 def spikes_in_units(

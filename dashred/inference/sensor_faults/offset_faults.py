@@ -12,6 +12,7 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.forward.sensor_block import OffsetErrors, PositionErrors
 from dashred.inference.sensor_faults.error_curve import curve_errors, error_curves
 from dashred.inference.sensor_faults.fault import (
+    Alternatives,
     CountedParameters,
     Fault,
     MarginalAmplitudes,
@@ -23,12 +24,16 @@ from dashred.inference.sensor_faults.linearised_fit import LinearisedFit
 MIN_SENSORS = 3
 
 
-def bias(objective: LeastSquaresProblem, linear: LinearisedFit, sensor: int) -> Iterator[Fault]:
+def bias(
+    objective: LeastSquaresProblem, linear: LinearisedFit, sensor: int
+) -> Iterator[Alternatives]:
     """Yield a constant error, the same in all episodes."""
     yield from _offset(objective, "bias", sensor, torch.ones_like(objective.forward_model.times))
 
 
-def drift(objective: LeastSquaresProblem, linear: LinearisedFit, sensor: int) -> Iterator[Fault]:
+def drift(
+    objective: LeastSquaresProblem, linear: LinearisedFit, sensor: int
+) -> Iterator[Alternatives]:
     """Yield an error that grows linearly from zero in every episode."""
     elapsed = objective.forward_model.times - objective.forward_model.times[0]
     yield from _offset(objective, "drift", sensor, elapsed / elapsed.max())
@@ -36,8 +41,8 @@ def drift(objective: LeastSquaresProblem, linear: LinearisedFit, sensor: int) ->
 
 def wandering(
     objective: LeastSquaresProblem, linear: LinearisedFit, sensor: int
-) -> Iterator[Fault]:
-    """Yield an error that wanders slowly, for several sizes of the wandering."""
+) -> Iterator[Alternatives]:
+    """Yield an error that wanders slowly, as one alternative for each size of the wandering."""
     block = objective.forward_model.sensors
     is_first = block.columns_of(sensor)[0] == sensor
     if not is_first or count_sensors(objective) < MIN_SENSORS:
@@ -49,21 +54,21 @@ def wandering(
         _trace_std(objective, sensor),
         float(objective.noise.std[sensor]),
     )
-    for errors in curves:
-        yield Fault(
-            "wandering", sensor, MarginalAmplitudes(errors.scales, len(curves)), errors=errors
-        )
+    yield tuple(
+        Fault("wandering", sensor, MarginalAmplitudes(errors.scales, len(curves)), errors=errors)
+        for errors in curves
+    )
 
 
 def misplaced(
     objective: LeastSquaresProblem, linear: LinearisedFit, sensor: int
-) -> Iterator[Fault]:
+) -> Iterator[Alternatives]:
     """Yield a wrong position, the same in all episodes."""
     forward_model, block = objective.forward_model, objective.forward_model.sensors
     columns, system = block.columns_of(sensor), forward_model.simulator.system
     if columns[0] == sensor and system.axes:
         errors = PositionErrors(block.sensors[sensor], columns, system)
-        yield Fault("misplaced", sensor, CountedParameters(len(system.axes)), errors=errors)
+        yield (Fault("misplaced", sensor, CountedParameters(len(system.axes)), errors=errors),)
 
 
 def bias_in_units(
@@ -104,7 +109,7 @@ def misplaced_in_units(
 
 def _offset(
     objective: LeastSquaresProblem, kind: str, sensor: int, shape: Tensor
-) -> Iterator[Fault]:
+) -> Iterator[Alternatives]:
     """Yield an error of a known shape, ``(time, episode)``, and unknown size."""
     columns = objective.forward_model.sensors.columns_of(sensor)
     if columns[0] != sensor:
@@ -112,7 +117,7 @@ def _offset(
     pattern = torch.zeros((1, *objective.recorded.shape), dtype=torch.float64)
     pattern[0, :, columns] = shape
     scale = torch.tensor([_trace_std(objective, sensor)], dtype=torch.float64)
-    yield Fault(kind, sensor, CountedParameters(1.0), errors=OffsetErrors(pattern, scale))
+    yield (Fault(kind, sensor, CountedParameters(1.0), errors=OffsetErrors(pattern, scale)),)
 
 
 def _trace_std(objective: LeastSquaresProblem, sensor: int) -> float:

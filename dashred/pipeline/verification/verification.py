@@ -31,7 +31,7 @@ from dashred.inference.results.explanation import (
     terms_of_discovery,
 )
 from dashred.inference.results.location import locate
-from dashred.inference.results.verdict import unexplained_share, verdict
+from dashred.inference.results.verdict import unexplained_share, verdict, with_faults
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
@@ -41,6 +41,7 @@ from dashred.pipeline.problem import Problem
 from dashred.pipeline.verification.comparison import compare_held_out, confirmed
 from dashred.pipeline.verification.energy import energy_loss
 from dashred.pipeline.verification.held_out import held_out_errors, predict_held_out
+from dashred.pipeline.verification.held_out_faults import held_out_faults
 from dashred.pipeline.verification.numerical_error import numerical_error
 from dashred.pipeline.verification.spent_budget import blame_budget, note_budget
 from dashred.pipeline.verification.structure import structure_change
@@ -59,6 +60,9 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     comparisons = compare_held_out(predictions)
     kind, causes = verdict(discovered, left, problem.fault_details)
     kind = confirmed(kind, discovered.best, comparisons)
+    if kind != "not-converged":
+        faults = held_out_faults(problem, analysis)
+        kind, causes = with_faults(kind, causes, map(problem.fault_details, faults))
     fit = Fit(
         comparisons=comparisons,
         # The noise is the same in all episodes.

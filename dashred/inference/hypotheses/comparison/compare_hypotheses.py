@@ -15,10 +15,11 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.hypotheses.comparison.backward_elimination import eliminate_terms
 from dashred.inference.hypotheses.comparison.comparison import Additions, Comparison
 from dashred.inference.hypotheses.comparison.faults_beside_laws import (
+    forcing_gain_beside,
     forcing_gain_over,
     is_curves_alone,
     refit_rivals_beside_faults,
-    search_faults_again,
+    search_faults_beside_best,
 )
 from dashred.inference.hypotheses.comparison.global_hypotheses import fit_global_hypotheses
 from dashred.inference.hypotheses.comparison.local_and_extended import (
@@ -134,21 +135,29 @@ def compare_hypotheses(
         lambda: refit_rivals_beside_faults(residual, fits, rivals),
         [],
     )
+    searched = {fit.law.parts for fit in (residual.best, residual.null)}
+    found = budget.attempt(
+        "sensor faults beside the best law",
+        lambda: search_faults_beside_best(fits, searched),
+        [],
+    )
+    fits += found
+    if found and forcing_gain > MIN_FORCING_GAIN:
+        best_with_faults = min(found, key=by_score)
+        forcing_gain = forcing_gain_beside(best_with_faults, additions.tendency_rms)
     if residual.is_unclear or min(fits, key=by_score).faults:
         fits = budget.attempt(
             "refits under the noise of the best law", lambda: refit_under_best_noise(fits), fits
         )
         fits += budget.attempt(
-            "sensor faults under the noise of the best law", lambda: search_faults_again(fits), []
+            "sensor faults under the noise of the best law",
+            lambda: search_faults_beside_best(fits, set()),
+            [],
         )
     uncorrected = min((fit for fit in fits if not fit.law.parts), key=by_score)
     best_fit = min(fits, key=by_score)
-    if is_curves_alone(best_fit.law):
-        over_faults = budget.attempt(
-            "a forcing in place of sensor faults",
-            lambda: forcing_gain_over(best_fit, uncorrected, additions.tendency_rms),
-            0.0,
-        )
+    if residual.forcing_alone is not None and is_curves_alone(best_fit.law):
+        over_faults = forcing_gain_over(best_fit, uncorrected, residual.forcing_alone)
         forcing_gain = max(forcing_gain, over_faults)
     laws = distinct_laws([profile_threshold(fit) if fit is best_fit else fit.law for fit in fits])
     noise = uncorrected.objective.noise

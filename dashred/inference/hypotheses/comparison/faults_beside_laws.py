@@ -1,58 +1,86 @@
-"""Sensor faults beside the best law, and what else could explain them."""
+"""Sensor faults beside the best law, and what a free forcing explains beside or instead of them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from torch import Tensor
 
 from dashred.inference.fit.law import Law
-from dashred.inference.hypotheses.comparison.noise_reestimation import (
-    refit_under_noise,
-)
-from dashred.inference.hypotheses.comparison.residual_forcing import (
-    ResidualForcing,
-)
-from dashred.inference.hypotheses.free_forcing import fit_free_forcing
-from dashred.inference.hypotheses.hypothesis_fit import (
-    HypothesisFit,
-    by_score,
-    refit,
-)
+from dashred.inference.hypotheses.comparison.noise_reestimation import refit_under_noise
+from dashred.inference.hypotheses.comparison.residual_forcing import ResidualForcing
+from dashred.inference.hypotheses.free_forcing import FreeForcing, evidence, fit_free_forcing
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, by_score, refit
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN
 from dashred.inference.hypotheses.sensors.fault_fits import fit_sensor_hypotheses
 
 
-def search_faults_again(fits: Sequence[HypothesisFit]) -> list[HypothesisFit]:
-    """Return further sensor hypotheses, if the best one has sensor faults.
+def search_faults_beside_best(
+    fits: Sequence[HypothesisFit], searched: Collection[frozenset[str]]
+) -> list[HypothesisFit]:
+    """Return better hypotheses that add sensor faults to the best law.
 
-    Its noise is smaller than that of the first search, so faults of other sensors may show.
+    If the best one has faults, they are searched anew beside its law: under a smaller noise, faults
+    of other sensors may show.
+
+    Args:
+        fits: hypotheses under one noise.
+        searched: parts of the laws beside which faults have been searched under this noise.
     """
     best = min(fits, key=by_score)
-    if not best.faults:
-        return []
-    bases = [fit for fit in fits if fit.law.keys == best.law.keys and not fit.law.faults]
-    return [
-        found
-        for base in bases[:1]
-        for found in fit_sensor_hypotheses(base, best.law.score)
-        if found.law.score < best.law.score
+    keys, factor = best.law.keys, best.law.start_prior_factor
+    same = [
+        fit
+        for fit in fits
+        if fit.law.keys == keys and fit.law.start_prior_factor == factor and not fit.law.faults
     ]
+    if best.excluded is not None or not same or same[0].law.parts in searched:
+        return []
+    found = fit_sensor_hypotheses(min(same, key=by_score), best.law.score)
+    return [fit for fit in found if fit.law.score < best.law.score]
+
+
+def forcing_gain_beside(fit: HypothesisFit, tendency_rms: Tensor) -> float:
+    """Return the evidence that a free forcing gains on a law, without the faulty sensors.
+
+    Args:
+        fit: a law with faults.
+        tendency_rms: rms of each equation's own tendency, ``(equation,)``.
+    """
+    objective = fit.objective
+    block, noise = objective.forward_model.sensors, objective.noise
+    seen = noise.available.clone()
+    for fault in fit.faults:
+        seen[:, block.columns_of(fault.sensor)] = False
+    count = objective.forward_model.law.count
+    forward_model = replace(objective.forward_model, sensors=replace(block, errors=()))
+    sound = replace(
+        objective,
+        forward_model=forward_model,
+        noise=replace(noise, available=seen),
+        prior_std=objective.prior_std[:count],
+    )
+    phi = fit.phi[: objective.modes + count]
+    return fit_free_forcing(sound, phi, tendency_rms)[1]
 
 
 def is_curves_alone(law: Law) -> bool:
-    """Tell whether wandering sensors alone explain the recording."""
+    """Tell whether wandering sensors explain the recording without any law."""
     return not law.candidates and any(fault.kind == "wandering" for fault in law.faults)
 
 
-def forcing_gain_over(faults: HypothesisFit, null: HypothesisFit, tendency_rms: Tensor) -> float:
+def forcing_gain_over(faults: HypothesisFit, null: HypothesisFit, forcing: FreeForcing) -> float:
     """Return the evidence that a free forcing gains over sensor faults, under the same noise.
 
-    Error curves of several sensors can imitate a source near them, and a forcing then explains all
-    of them at once.
+    Args:
+        faults: the uncorrected simulator with sensor faults.
+        null: the uncorrected simulator, under the same noise.
+        forcing: a forcing on top of the uncorrected simulator, fitted under another noise.
     """
-    _, gain = fit_free_forcing(null.objective, null.phi, tendency_rms)
+    problem = replace(forcing.objective, noise=null.objective.noise)
+    there = replace(forcing, objective=problem, normal=problem.linearise(forcing.phi))
+    gain = evidence(null.normal, range(len(null.phi))) - there.evidence
     return faults.law.score - (null.law.score - gain)
 
 

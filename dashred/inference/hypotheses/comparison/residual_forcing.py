@@ -53,6 +53,8 @@ class ResidualForcing:
             unclear or if a forcing alone loses the recording.
         faulty: columns of sensors whose faults the forcings do not explain; they are fitted without
             these sensors.
+        forcing_alone: a forcing on top of the uncorrected simulator, fitted to all sensors; None if
+            none was needed.
     """
 
     full_problem: LeastSquaresProblem
@@ -63,6 +65,7 @@ class ResidualForcing:
     is_unclear: bool
     forcing_map: ForcingMap | None = None
     faulty: tuple[int, ...] = ()
+    forcing_alone: FreeForcing | None = None
 
     @property
     def best_forcing(self) -> FreeForcing:
@@ -105,7 +108,10 @@ def fit_residual_forcing(
     forcing, gain = fit_free_forcing(best.objective, best.phi, tendency_rms)
     report(0.2, f"a free forcing gains {gain:.0f}")
     is_unclear = gain > MIN_FORCING_GAIN or has_rivals or _may_imitate(best.law)
-    residual = ResidualForcing(full_problem, best, null, (forcing,), gain, is_unclear)
+    alone = forcing if best is null else None
+    residual = ResidualForcing(
+        full_problem, best, null, (forcing,), gain, is_unclear, forcing_alone=alone
+    )
     return _resolve_unclear(residual, tendency_rms, report) if is_unclear else residual
 
 
@@ -113,7 +119,8 @@ def _resolve_unclear(
     residual: ResidualForcing, tendency_rms: Tensor, report: Report
 ) -> ResidualForcing:
     """Return an unclear case with its forcings, their noise, and the faulty sensors."""
-    forcings, forcing_map = _choose_forcings(residual, tendency_rms)
+    residual, gain_alone = _with_forcing_alone(residual, tendency_rms)
+    forcings, forcing_map = _choose_forcings(residual, gain_alone)
     faults = find_faults_beside_forcing(forcings[-1]).faults
     faulty = tuple(fault.sensor for fault in faults)
     if faulty:
@@ -132,8 +139,19 @@ def _resolve_unclear(
     )
 
 
-def _choose_forcings(
+def _with_forcing_alone(
     residual: ResidualForcing, tendency_rms: Tensor
+) -> tuple[ResidualForcing, float]:
+    """Return the case with a forcing on the null, and the evidence that this forcing gains."""
+    null = residual.null
+    if residual.forcing_alone is not None:
+        return residual, residual.forcing_gain
+    forcing, gain = fit_free_forcing(null.objective, null.phi, tendency_rms)
+    return replace(residual, forcing_alone=forcing), gain
+
+
+def _choose_forcings(
+    residual: ResidualForcing, gain_alone: float
 ) -> tuple[tuple[FreeForcing, ...], ForcingMap | None]:
     """Return the forcings to search about, and the map of a forcing on the null.
 
@@ -146,11 +164,9 @@ def _choose_forcings(
     - A law of many terms may fit the sensors and take a hidden field far from the truth. Then both
       forcings are used.
     """
-    best, null, gain = residual.best, residual.null, residual.forcing_gain
-    forcing_on_best = residual.best_forcing
-    forcing_alone, gain_alone = forcing_on_best, gain
-    if best is not null:
-        forcing_alone, gain_alone = fit_free_forcing(null.objective, null.phi, tendency_rms)
+    best, gain = residual.best, residual.forcing_gain
+    forcing_on_best, forcing_alone = residual.best_forcing, residual.forcing_alone
+    assert forcing_alone is not None
     noise_alone = estimate_noise_under_forcing(forcing_alone)
     noise_on_best = estimate_noise_under_forcing(forcing_on_best)
     ratio = float((noise_alone.std / noise_on_best.std).median())

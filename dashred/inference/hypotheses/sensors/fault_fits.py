@@ -11,7 +11,11 @@ from torch import Tensor
 from dashred.inference.fit.law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
-from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, fit_growing_horizon
+from dashred.inference.hypotheses.hypothesis_fit import (
+    REJECTION_MARGIN,
+    HypothesisFit,
+    fit_growing_horizon,
+)
 from dashred.inference.sensor_faults.fault import Fault
 from dashred.inference.sensor_faults.fault_search import (
     FaultProblem,
@@ -26,6 +30,9 @@ from dashred.inference.sensor_faults.faults_in_units import faults_in_units
 # Number of fault sets that are fitted, the best by the linearised problem first. MAX_REFITS of them
 # may be refitted over a growing horizon if they reduce the misfit below MAX_MISFIT_SHARE.
 MAX_FITS, MAX_REFITS, MAX_MISFIT_SHARE = 4, 2, 0.5
+# Fault sets whose predicted score exceeds the best by more than REJECTION_MARGIN and by more than
+# this share of F are not fitted. A large F means that the linearised problem is inaccurate.
+MARGIN_SHARE = 0.1
 # Number of times that the faults are searched again about the best fit with faults.
 ROUNDS = 3
 STEPS, TOLERANCE = 6, 1e-3
@@ -66,10 +73,13 @@ def fit_sensor_hypotheses(fit: HypothesisFit, bound: float) -> list[HypothesisFi
     [cost], _ = objective.values(phi[None])
     penalty = fit.law.score - float(cost)
     predicted = _predict(FaultProblem.at(objective, phi, fit.normal))
+    if not predicted:
+        return []
+    limit = predicted[0].score + max(REJECTION_MARGIN, MARGIN_SHARE * predicted[0].cost)
     chosen = [
         found
         for rank, found in enumerate(predicted[:MAX_FITS])
-        if found.score + penalty < bound
+        if found.score < min(limit, bound - penalty)
         or (not rank and found.cost < MAX_MISFIT_SHARE * float(cost))
     ]
     fits = sorted((fit_faults(objective, found, phi) for found in chosen), key=_score)

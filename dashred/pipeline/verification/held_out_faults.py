@@ -1,0 +1,118 @@
+"""Faults of sensors that no fit has used, judged by the final model.
+
+They change neither the law nor its fit. Without this a faulty validation or test sensor would only
+show as a large error of the corrected simulation.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from dashred.data.observation_operator import ObservationOperator
+from dashred.inference.fit.law import SensorFault
+from dashred.inference.fit.least_squares import LeastSquaresProblem
+from dashred.inference.fit.noise_model import NoiseModel
+from dashred.inference.forward.candidate_simulator import CandidateSimulator
+from dashred.inference.forward.episodes import stack_readings, stack_times
+from dashred.inference.forward.forward_model import ForwardModel
+from dashred.inference.forward.law_block import LawBlock
+from dashred.inference.forward.sensor_block import SensorBlock
+from dashred.inference.forward.simulator import Simulator
+from dashred.inference.hypotheses.result import MIN_FORCING_GAIN
+from dashred.inference.initial_state.start_models import ScaledStart, project_state
+from dashred.inference.results.corrected_system import build_corrected_system
+from dashred.inference.sensor_faults.fault_search import FaultProblem, find_faults
+from dashred.inference.sensor_faults.fault_table import SEARCHED_KINDS, fault_in_units
+from dashred.pipeline.analysis import Analysis
+from dashred.pipeline.problem import Problem
+
+# A fault must lower the score by more than this: the model was not fitted to these sensors.
+MARGIN = 20.0
+# If the model and the faults leave a larger χ²/n, the model is not good enough to judge sensors.
+MAX_CHI2 = 1.5
+
+
+@torch.no_grad()
+def held_out_faults(problem: Problem, analysis: Analysis) -> list[SensorFault]:
+    """Return the faults of validation and test sensors over the fit window.
+
+    The start is adjusted to all sensors, so that its uncertainty is not taken for a fault. Fewer
+    than half of these sensors can be told to be faulty; otherwise the model may be wrong.
+    """
+    held_out = (*problem.split.validate, *problem.split.test)
+    if not held_out or analysis.discovery.forcing_gain > MIN_FORCING_GAIN:
+        return []
+    objective, phi = _problem_of_all_sensors(problem, analysis)
+    names = [sensor.name for sensor in objective.forward_model.sensors.sensors]
+    columns = [index for index, name in enumerate(names) if name in held_out]
+    normal = objective.linearise(phi)
+    if not normal.is_finite:
+        return []
+    linearised = FaultProblem.at(objective, phi, normal)
+    count = max(1, (len(held_out) - 1) // 2)
+    found = find_faults(linearised, columns, SEARCHED_KINDS, count, MARGIN)
+    if not found.faults or found.cost > MAX_CHI2 * objective.noise.count:
+        return []
+    estimates = zip(found.faults, found.parameters, found.covariances, strict=True)
+    return [fault_in_units(objective, *each) for each in estimates]
+
+
+def _problem_of_all_sensors(
+    problem: Problem, analysis: Analysis
+) -> tuple[LeastSquaresProblem, Tensor]:
+    """Return F of the start for all sensors under the best law, and the fitted start."""
+    law, episodes, split = analysis.discovery.best, problem.episodes, problem.split
+    names = (*split.fit.names, *split.validate, *split.test)
+    parts = [_readings_of(episode) for episode in episodes]
+    parts_of_simulator = [
+        CandidateSimulator(system, system.dt, [])
+        for system in (build_corrected_system(episode.system, law) for episode in episodes)
+    ]
+    start = analysis.nominal.start
+    if law.start_prior_factor > 1:
+        start = ScaledStart(start, law.start_prior_factor)
+    sensors = (
+        *split.fit.sensors,
+        *(s for s in split.validation.sensors if s.name in split.validate),
+        *split.tested.sensors,
+    )
+    operator = ObservationOperator(sensors, problem.system)
+    times = stack_times([e.times[: len(e.split.fit.times)] for e in episodes])
+    forward_model = ForwardModel(
+        Simulator(parts_of_simulator),
+        start,
+        LawBlock([]),
+        SensorBlock(operator, len(episodes)),
+        times,
+    )
+    recorded = stack_readings(parts)
+    noise = _noise(problem, analysis, names, recorded)
+    none = torch.zeros(0, dtype=torch.float64)
+    objective = LeastSquaresProblem(forward_model, recorded, noise, none)
+    return objective, project_state(start, law.start)
+
+
+def _readings_of(episode: Problem) -> Tensor:
+    """Return the readings of all sensors over the fit window, ``(time, sensor)``."""
+    split, count = episode.split, len(episode.split.fit.times)
+    validation = split.validation.select(split.validate).values if split.validate else None
+    parts = [split.fit.values, validation, split.tested.values[:count]]
+    return torch.cat([torch.from_numpy(part) for part in parts if part is not None], dim=1)
+
+
+def _noise(
+    problem: Problem, analysis: Analysis, names: tuple[str, ...], recorded: Tensor
+) -> NoiseModel:
+    """Return the noise of all sensors; σ of the others is scaled as that of the fit sensors is."""
+    found, fitted = analysis.discovery.noise, len(problem.split.fit.names)
+    stated = problem.noise_of(names)
+    ratio = (found.std[:fitted] / stated[:fitted]).median()
+    std = torch.cat([found.std[:fitted], ratio * stated[fitted:]])
+    correlation = torch.full_like(std, float(found.correlation.max()))
+    available = ~recorded.isnan()
+    episodes = len(problem.episodes)
+    faulty = {fault.sensor for fault in analysis.discovery.best.faults}
+    for column, name in enumerate(names * episodes):
+        available[:, column] &= name not in faulty
+    return NoiseModel(std.repeat(episodes), correlation.repeat(episodes), available)
