@@ -18,7 +18,12 @@ from dashred.inference.initial_state.start_models import StartModel
 from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.physics.runs.ensemble import Discrepancies, Ensemble, draw_ensemble
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
-from dashred.physics.runs.resolution import Resolution, check_resolution, minimum_scale
+from dashred.physics.runs.resolution import (
+    Resolution,
+    accumulated_error,
+    check_resolution,
+    minimum_scale,
+)
 from dashred.physics.solvers.simulate import Progress, check_finite, simulate
 from dashred.physics.system import System
 from dashred.pipeline.problem import Problem
@@ -91,6 +96,9 @@ def check_discretisation(
 ) -> Resolution:
     """Double the resolution and return the largest change of the sensor readings.
 
+    If the record is chaotic, the errors of short segments are added up instead
+    (:func:`.resolution.accumulated_error`).
+
     If the system has inputs, every episode is checked and the worst result is returned. Without
     inputs all episodes have the same simulation, so one is checked.
     """
@@ -111,7 +119,7 @@ def check_discretisation(
     def checked(episode: Problem, path: Tensor) -> Resolution:
         coarse = readings(episode.system, path[None])
         least = minimum_scale(coarse[0], noise, reads, limit)
-        return check_resolution(
+        found = check_resolution(
             episode.system,
             path[:1],
             episode.times,
@@ -121,6 +129,10 @@ def check_discretisation(
             limit,
             within(problem.deadline("simulate"), report),
         )
+        if found.resolved:
+            return found
+        summed = accumulated_error(episode.system, path, episode.times, readings, least)
+        return Resolution(summed, limit, 1) if summed <= limit else found
 
     episodes = problem.episodes if problem.system.inputs else (problem,)
     paths = (nominal.states, *nominal.others)

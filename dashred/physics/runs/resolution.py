@@ -15,6 +15,8 @@ from dashred.physics.system import System
 Readings = Callable[[System, Tensor], Tensor]
 # A numerical error of this share of the noise causes no significant bias.
 NOISE_SHARE = 0.1
+# Samples of a segment, and the largest number of segments that are simulated.
+SEGMENT, MOST_SEGMENTS = 4, 8
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,40 @@ def minimum_scale(
     return torch.minimum(
         NOISE_SHARE / limit * noise, torch.stack([typical[kind] for kind in reads])
     )
+
+
+@torch.no_grad()
+def accumulated_error(
+    system: System, path: Tensor, times: Tensor, readings: Readings, least: Tensor
+) -> float:
+    """Return the sum of the doubling errors of short segments that cover the record.
+
+    This would be the error over the record if the system did not amplify errors. In a chaotic
+    system any difference grows into another trajectory, so the error over the record itself says
+    nothing about the resolution.
+
+    Args:
+        system: the simulator.
+        path: its states, ``(time, field, *grid)``; segments start from them.
+        times: ``(time,)``.
+        readings: (system, trajectory) → traces ``(batch, time, sensor)``.
+        least: smallest scale for the change of a trace, ``(sensor,)``.
+
+    Returns:
+        The largest sum over the sensors, in units of :class:`Resolution`.
+    """
+    segments = max(1, (len(times) - 1) // SEGMENT)
+    stride = SEGMENT * -(-segments // MOST_SEGMENTS)
+    changes = []
+    for first in range(0, max(1, len(times) - SEGMENT), stride):
+        clock, start = times[first : first + SEGMENT + 1], path[first : first + 1]
+        finer, fine_start = refine(system, start)
+        fine = readings(finer, simulate(finer, fine_start, clock))
+        coarse = readings(system, simulate(system, start, clock))
+        changes.append((fine - coarse)[0, -1].square())
+    scale = torch.maximum(readings(system, path[None])[0].std(dim=0), least).clamp(min=1e-12)
+    each = torch.stack(changes).mean(dim=0).sqrt() / scale
+    return float((segments * each).max().nan_to_num(nan=torch.inf))
 
 
 @torch.no_grad()

@@ -8,7 +8,12 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.physics.runs.resolution import check_resolution, doubling_error, minimum_scale
+from dashred.physics.runs.resolution import (
+    accumulated_error,
+    check_resolution,
+    doubling_error,
+    minimum_scale,
+)
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from tests import laws
@@ -83,3 +88,40 @@ def test_noise_that_is_overstated_hides_no_more_than_a_typical_trace_would() -> 
     assert minimum_scale(traces, huge, reads, LIMIT).tolist() == std[[1, 1, 1, 3]].tolist()
     slight = torch.full((4,), 1e-3, dtype=torch.float64)
     assert minimum_scale(traces, slight, reads, LIMIT).tolist() == pytest.approx([1e-2] * 4)
+
+
+LORENZ = """
+system:
+  title: Lorenz
+  fields: {x: x, y: y, z: z}
+  equations: {x: 10*(y - x), y: x*(28 - z) - y, z: x*y - 8/3*z}
+  start: {x: 1, y: 1, z: 20}
+  integrator: {method: rk4, dt: 0.01}
+recording: {twin: a, sensors: 1, noise: 0, duration: 10, every: 0.05}
+"""
+
+
+def test_chaos_is_not_taken_for_a_numerical_error(tmp_path: Path) -> None:
+    system = laws.declared(tmp_path, LORENZ)
+    start = torch.tensor([[1.0, 1.0, 20.0]], dtype=torch.float64)
+    times = torch.linspace(0, 40, 801, dtype=torch.float64)
+    path, least = simulate(system, start, times), torch.zeros(3, dtype=torch.float64)
+
+    def states(system: System, states: Tensor) -> Tensor:
+        return states
+
+    whole, _ = doubling_error(system, start, times, states, path, least)
+    assert whole > 0.5
+    assert accumulated_error(system, path[0], times, states, least) < LIMIT
+    # Steps that are too long are an error in a segment, too.
+    rough = system.with_step(0.05)
+    path = simulate(rough, start, times)
+    assert accumulated_error(rough, path[0], times, states, least) > LIMIT
+
+
+@pytest.mark.parametrize("dt", [0.05, 0.125, 0.25])
+def test_an_error_that_no_chaos_amplifies_adds_up(tmp_path: Path, dt: float) -> None:
+    system, start, coarse = two(tmp_path, dt, 1.0)
+    path = simulate(system, start, TIMES)[0]
+    whole, _ = doubling_error(system, start, TIMES, places, coarse, NO_NOISE)
+    assert accumulated_error(system, path, TIMES, places, NO_NOISE) > 0.9 * whole
