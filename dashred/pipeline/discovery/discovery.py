@@ -31,7 +31,11 @@ from dashred.pipeline.discovery.horizon_stage import (
     fit_from_first_guesses,
     with_residual_noise,
 )
-from dashred.pipeline.discovery.hypothesis_stage import compare_explanations, is_noise_inflated
+from dashred.pipeline.discovery.hypothesis_stage import (
+    compare_explanations,
+    is_noise_inflated,
+    is_start_explained,
+)
 from dashred.pipeline.discovery.law_metrics import log_best_by_size
 from dashred.pipeline.discovery.least_squares import (
     build_least_squares,
@@ -165,9 +169,9 @@ def _is_explained(problem: Problem, comparison: Comparison) -> bool:
     addition the hypothesis must be a local law, a sensor fault or another start, or a free forcing
     must not improve the fit.
     """
-    if is_noise_inflated(problem, comparison.noise):
-        return False
     best = comparison.laws[0]
+    if is_noise_inflated(problem, comparison.noise) and not is_start_explained(problem, best):
+        return False
     has_other_cause = (
         best.window is not None or best.fault is not None or best.start_prior_factor > 1
     )
