@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 import torch
 
+from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.initial_state.start_models import project_state
 from dashred.pipeline.discovery import hypothesis_stage
 from dashred.pipeline.problem import Problem
+from tests import laws
 
 
 @pytest.mark.parametrize(
@@ -25,6 +28,26 @@ def test_noise_far_above_the_stated_one_is_no_noise(monkeypatch, found, stated, 
     monkeypatch.setattr(hypothesis_stage, "fit_noise", lambda _: believed)
     noise: Any = SimpleNamespace(std=torch.tensor([found, found]))
     assert hypothesis_stage.is_noise_inflated(problem, noise) is inflated
+
+
+@pytest.mark.parametrize(
+    ("early", "late", "factor", "explained"),
+    [(9.0, 1.0, 4.0, True), (9.0, 1.6, 4.0, False), (9.0, 1.0, 1.0, False)],
+)
+def test_what_a_start_cannot_express_is_seen_in_the_first_samples(
+    monkeypatch, early: float, late: float, factor: float, explained: bool
+) -> None:
+    shape = (laws.SAMPLES, laws.SENSORS)
+    stated = NoiseModel(
+        torch.ones(laws.SENSORS), torch.zeros(laws.SENSORS), torch.ones(shape, dtype=torch.bool)
+    )
+    monkeypatch.setattr(hypothesis_stage, "fit_noise", lambda _: stated)
+    residuals = late * torch.ones(shape)
+    residuals[:4] = early
+    residuals[10, 0] = torch.nan
+    start = replace(laws.law(widened=factor), residuals=residuals)
+    problem = cast(Problem, SimpleNamespace())
+    assert hypothesis_stage.is_start_explained(problem, start) is explained
 
 
 def test_a_start_is_found_again_in_a_prior_that_is_not_linear() -> None:

@@ -106,4 +106,8 @@ Cause = TypedDict(
     },
     total=False,
 )
-"""One cause and its probability, with the keys of its kind. `says` is the cause as text."""
+"""One cause, with the keys of its kind. `says` is the cause as text.
+
+`probability` is the posterior share of the cause among all explanations that were fitted. It is
+null for an effect that only a free forcing shows, which is not one of them.
+"""

@@ -159,10 +159,13 @@ def _probability_of_fault(fault: SensorFault, probable: Sequence[tuple[Law, floa
 
 
 def _outside(discovery: Discovery) -> Cause:
-    """Return the cause for an effect that a free forcing shows and no law expresses."""
+    """Return the cause for an effect that a free forcing shows and no law expresses.
+
+    It has no probability, because a free forcing is not one of the fitted laws.
+    """
     return {
         "kind": "outside-library",
-        "probability": 1 / (1 + math.exp(-discovery.forcing_gain / 2)),
+        "probability": None,
         "where": None,
         "gain": discovery.forcing_gain,
     }

@@ -33,7 +33,11 @@ from dashred.pipeline.discovery.horizon_stage import (
     fit_from_first_guesses,
     with_residual_noise,
 )
-from dashred.pipeline.discovery.hypothesis_stage import compare_explanations, is_noise_inflated
+from dashred.pipeline.discovery.hypothesis_stage import (
+    compare_explanations,
+    is_noise_inflated,
+    is_start_explained,
+)
 from dashred.pipeline.discovery.law_metrics import log_best_by_size
 from dashred.pipeline.discovery.least_squares import (
     build_least_squares,
@@ -210,9 +214,9 @@ def _is_explained(problem: Problem, comparison: Comparison) -> bool:
     """
     if comparison.forcing_gain > MIN_FORCING_GAIN and comparison.forcing_map is not None:
         return not is_noise_inflated(problem, comparison.forced_noise)
-    if is_noise_inflated(problem, comparison.noise):
-        return False
     best = comparison.laws[0]
+    if is_noise_inflated(problem, comparison.noise) and not is_start_explained(problem, best):
+        return False
     has_other_cause = (
         best.window is not None
         or best.source is not None

@@ -35,6 +35,8 @@ STEPS, TOLERANCE = 10, 1e-4
 LARGE_MISFIT, ROUGH_TOLERANCE = 5.0, 0.005
 # Estimated noise of more than this many times the stated noise is attributed to another cause.
 MAX_NOISE_RATIO = 1.3
+# Share of the record in which an error of the start is forgotten.
+FORGOTTEN = 0.1
 # Number of samples of the first fit without a law if no earlier fit is trusted.
 FIRST_SAMPLES = 6
 
@@ -141,6 +143,21 @@ def is_noise_inflated(problem: Problem, noise: NoiseModel) -> bool:
     is_stated = all(sensor.std is not None for sensor in problem.split.fit.sensors)
     ratio = float((noise.std / fit_noise(problem).std).median())
     return is_stated and ratio > MAX_NOISE_RATIO
+
+
+def is_start_explained(problem: Problem, law: Law) -> bool:
+    """Return whether another start explains the record after its first samples.
+
+    The modes of a start cannot express every field. The rest is visible in the first samples, and a
+    dissipative system forgets it.
+    """
+    if law.start_prior_factor <= 1:
+        return False
+    noise = fit_noise(problem)
+    later = noise.available & ~law.residuals.isnan()
+    later[: round(FORGOTTEN * len(later))] = False
+    residuals = replace(noise, available=later).whiten(law.residuals)
+    return float(residuals.square().sum() / later.sum()) < MAX_NOISE_RATIO**2
 
 
 def _with_candidates(

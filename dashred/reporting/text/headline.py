@@ -40,12 +40,15 @@ def headline(findings: Mapping[str, Any], mostly: Sequence[str] = ()) -> str:
 def gain(findings: Mapping[str, Any]) -> tuple[str, float] | None:
     """Return the first held-out data there are, and the factor by which the error decreases.
 
-    For an unconfirmed law they are the first data that contradict it. A law is compared with the
-    simulation from its own best start, over the times at which they can be predicted.
+    For an unconfirmed law they are the first data that contradict it. For a faulty sensor they are
+    not the test sensors, which have no fault. A law is compared with the simulation from its own
+    best start, over the times at which they can be predicted.
     """
     verdict, fit = findings["verdict"], findings["fit"]
     compared = {each["data"]: each for each in fit.get("comparisons", ())}
     for key in PLACES:
+        if verdict == "sensor-fault" and key == "test_sensors":
+            continue
         errors = fit.get(key) or {}
         before, after = errors.get(reference(verdict)), errors.get("corrected")
         if findings["terms"] and key in compared:
@@ -90,8 +93,8 @@ def _conclusion(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
             return f"the simulation lacks an effect that no term of the library expresses{best}"
         case "unconfirmed":
             return (
-                "there is no confirmed result: the search suggests "
-                f"{_listed(effects + changed, mostly)}, but the held-out data contradict it"
+                "there is no confirmed result: the held-out data contradict the best law "
+                f"({_listed(effects + changed, mostly)})"
             )
         case "ambiguous":
             best = f"; the best guess is {_listed(effects + changed, mostly)}" if terms else ""
@@ -110,7 +113,7 @@ def _faults(findings: Mapping[str, Any]) -> str | None:
     if not faults:
         return None
     units = findings.get("units", NO_UNITS)
-    texts = "; ".join(cause_text(fault, units) for fault in faults)
+    texts = "; ".join(filter(None, (cause_text(fault, units) for fault in faults)))
     number = "a sensor is faulty" if len(faults) == 1 else f"{len(faults)} sensors are faulty"
     return f"{number}: {texts}"
 

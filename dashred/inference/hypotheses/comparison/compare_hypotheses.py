@@ -139,7 +139,7 @@ def compare_hypotheses(
     found = budget.attempt(
         "sensor faults beside the best law",
         lambda: search_faults_beside_best(fits, searched),
-        [],
+        nothing,
     )
     fits += found
     if found and forcing_gain > MIN_FORCING_GAIN:
