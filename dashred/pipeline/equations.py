@@ -21,6 +21,7 @@ from dashred.pipeline.discovery import discovery
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
 from dashred.pipeline.discovery.segment_stage import (
     discover_in_segments,
+    has_sensor_errors,
     is_chaotic,
     search_in_segments,
 )
@@ -156,7 +157,9 @@ def _discover_law(
 ) -> Discovery:
     """Discover the law along one trajectory, or over segments where none can be followed."""
     problem, nominal, segments = simulated.problem, simulated.nominal, simulated.segments
-    if segments is not None and (nominal.restarted or is_chaotic(segments)):
+    if segments is not None and (
+        nominal.restarted or is_chaotic(segments) or has_sensor_errors(segments)
+    ):
         with run.child("discover") as child:
             return discover_in_segments(problem, segments, child, seconds)
     return discovery.discover(

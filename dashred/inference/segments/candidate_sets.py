@@ -21,7 +21,7 @@ def profile(problem: WeakConstraintProblem, point: Point) -> ProfiledProblem | N
 
     The problem is in the coefficients themselves, not in their change.
     """
-    normal = problem.linearise(point, range(len(problem.candidates)))
+    normal = problem.linearise(point, range(problem.count))
     profiled = None if normal is None else normal.profiled()
     if profiled is None:
         return None

@@ -66,12 +66,13 @@ def forecast(search: SegmentSearch, law: SegmentLaw, length: int) -> Forecast:
     late = _last_part(segments)
     early = replace(segments, readings=np.where(late[:, None, None], np.nan, segments.readings))
     first = replace(problem, simulator=problem.simulator.with_segments(early))
-    xi = fit_nodes(first, law.fit.point, members, STEPS).point.xi[members]
-    candidates, _ = search.terms(law)
+    point = fit_nodes(first, law.fit.point, members, STEPS).point
+    candidates, xi = problem.terms(point, members)
     states, origin = law.fit.point.nodes, np.arange(segments.count)
     for _ in range(length):
         states, origin = _one_segment_on(search, states, origin, candidates, xi)
-    apart = problem.sensors.read(problem.simulator.run(states, candidates, xi)) - segments.readings
+    ahead = problem.simulator.run(states, candidates, xi)
+    apart = problem.read(ahead, point, members) - segments.readings
     # Only forecasts from within the last part count.
     counts = late & (origin >= 0) & late[origin]
     errors = np.where(np.isfinite(segments.readings), apart / problem.noise_std, np.nan)

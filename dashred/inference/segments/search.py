@@ -52,8 +52,7 @@ class SegmentSearch:
 
     def terms(self, law: SegmentLaw) -> tuple[tuple[Candidate, ...], np.ndarray]:
         """Return the candidates of a law and their coefficients, ``(candidate,)``."""
-        members = list(law.members)
-        return tuple(self.problem.candidates[j] for j in members), law.fit.point.xi[members]
+        return self.problem.terms(law.fit.point, law.members)
 
     def states(self, law: SegmentLaw) -> np.ndarray:
         """Return the states of a law in every segment, ``(segment, sample, field)``."""
@@ -87,7 +86,7 @@ def search(
         guesses: first guesses of the nodes, ``(segment, field)`` each.
         natural: scales.
     """
-    everything = tuple(range(len(problem.candidates)))
+    everything = tuple(range(problem.count))
     states = [_state_alone(problem, nodes, natural) for nodes in guesses]
     point = min(states, key=lambda fit: fit.cost).point
     for _ in range(NOISE_ROUNDS):
@@ -133,7 +132,7 @@ def _state_alone(
     problem: WeakConstraintProblem, nodes: np.ndarray, natural: NaturalScales
 ) -> NodeFit:
     """Fit the nodes under the simulator as it is, with a model error that shrinks."""
-    fit = NodeFit(Point(nodes, np.zeros(len(problem.candidates))), math.inf)
+    fit = NodeFit(Point(nodes, np.zeros(problem.count)), math.inf)
     for q in STATE_ALONE:
         fit = fit_nodes(_weighted(problem, natural, q, 1.0), fit.point, (), ANNEALING_STEPS)
     return fit

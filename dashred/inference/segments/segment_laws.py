@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.law import Law
+from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.segments.search import SegmentSearch
 from dashred.inference.segments.segments import Array, Segments
@@ -38,7 +38,8 @@ def law_from_segments(search: SegmentSearch, found: SegmentLaw) -> Law:
     """
     problem, nodes, members = search.problem, found.fit.point.nodes, found.members
     segments, (candidates, xi) = problem.segments, search.terms(found)
-    residuals = problem.sensors.read(search.states(found)) - segments.readings
+    readings = problem.read(search.states(found), found.fit.point, members)
+    residuals = readings - segments.readings
     normal = problem.linearise(found.fit.point, members)
     profiled = None if normal is None else normal.profiled()
     covariance = np.full((len(members), len(members)), np.inf)
@@ -46,15 +47,33 @@ def law_from_segments(search: SegmentSearch, found: SegmentLaw) -> Law:
         scale = np.sqrt(np.maximum(profiled[0].diagonal(), 1e-300))
         inverse = np.linalg.pinv(profiled[0] / scale[:, None] / scale, hermitian=True)
         covariance = search.level * inverse / scale[:, None] / scale
+    first = len(members) - len(candidates)
     misfit = float(np.nansum(np.square(residuals / problem.noise_std)))
     return Law(
         candidates=candidates,
         coefficients=torch.from_numpy(xi),
-        covariance=torch.from_numpy(covariance),
+        covariance=torch.from_numpy(covariance[first:, first:]),
         start=torch.from_numpy(nodes[segments.begins]),
         score=found.score,
         chi2=misfit / segments.seen / search.level,
         residuals=_by_sample(segments, residuals),
+        faults=_faults(search, found, covariance),
+    )
+
+
+def _faults(search: SegmentSearch, found: SegmentLaw, covariance: Array) -> tuple[SensorFault, ...]:
+    """Return the sensor errors of a law, the covariance being that of its members."""
+    problem, xi = search.problem, found.fit.point.xi
+    errors = [j for j in found.members if j < len(problem.errors)]
+    return tuple(
+        SensorFault(
+            kind=problem.errors[j].kind,
+            sensor=problem.sensors.names[problem.errors[j].sensor],
+            value=float(xi[j]),
+            std=float(np.sqrt(covariance[place, place])),
+            begin=None,
+        )
+        for place, j in enumerate(errors)
     )
 
 

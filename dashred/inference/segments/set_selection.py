@@ -63,7 +63,7 @@ def select(
     """
     fits: dict[Set, NodeFit] = {}
     _refit_all(problem, point, [(), *proposals], fits)
-    extended = [candidate.is_extended for candidate in problem.candidates]
+    extended = problem.is_extended
     about, winner = loose, None
     for _ in range(ROUNDS):
         if problem.deadline.is_over:
@@ -95,7 +95,7 @@ def _promising(
     winner: Set,
 ) -> list[Set]:
     """Return the sets with the best predicted scores, from a beam search and about the winner."""
-    extended, seen = [c.is_extended for c in problem.candidates], problem.segments.seen
+    extended, seen = problem.is_extended, problem.segments.seen
     costs: dict[Set, float] = {}
     for found in beam_search(profiled, extended):
         costs |= found
@@ -140,7 +140,7 @@ def _refit(problem: WeakConstraintProblem, point: Point, members: Set) -> NodeFi
 def _ranked(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> list[SegmentLaw]:
     seen = problem.segments.seen
     level = _level((fit.cost for fit in fits.values()), seen)
-    price = _price(len(problem.candidates), seen)
+    price = _price(problem.count, seen)
     laws = [
         SegmentLaw(members, fit, fit.cost / level + price * len(members))
         for members, fit in fits.items()

@@ -38,6 +38,8 @@ UNEXPLAINED, GAIN = 5.0, 0.5
 EXTENSION_GAIN, MAX_CANDIDATES = 10.0, 200
 # A term beyond the library whose cosine with one of the library is larger is nearly proportional.
 ALIKE = 0.98
+# A term beyond the library has to act on more than this share of the record.
+FEWEST_SHARE = 0.05
 
 
 def search_libraries(problem: Problem, nominal: NominalRun) -> tuple[Problem, SegmentSearch | None]:
@@ -84,17 +86,21 @@ def _extend(
 
 
 def _distinct(found: SegmentSearch, further: Sequence[Candidate]) -> list[Candidate]:
-    """Return the candidates that are not nearly proportional to a term of the same equation.
+    """Return the candidates that are distinct from the terms of the same equation.
 
     Two functions that are nearly proportional, such as a step and a smooth step, could make up for
-    anything by their difference.
+    anything by their difference. A function that acts at a few samples only, such as the
+    exponential of a large field, could make up for an outlier.
     """
     weak, nodes = found.problem, found.best.fit.point.nodes
     _, columns, equations, owners = weak.simulator.tendencies(nodes, [*weak.candidates, *further])
     units = columns / np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), 1e-300)
     alike = (np.abs(units @ units.T) > ALIKE) & (equations[:, None] == equations)
     known = owners < len(weak.candidates)
-    taken = {int(j) for j in owners[alike[:, known].any(axis=1)]}
+    squares = np.square(units)
+    spread = squares.sum(axis=1) ** 2 / np.maximum(np.square(squares).sum(axis=1), 1e-300)
+    few = spread < FEWEST_SHARE * len(nodes)
+    taken = {int(j) for j in owners[alike[:, known].any(axis=1) | few]}
     return [c for j, c in enumerate(further, start=len(weak.candidates)) if j not in taken]
 
 

@@ -64,6 +64,12 @@ def is_chaotic(found: SegmentSearch) -> bool:
     return error_growth(found) > CHAOTIC
 
 
+def has_sensor_errors(found: SegmentSearch) -> bool:
+    """Return whether the best law explains the record together with sensor errors."""
+    first = len(found.problem.errors)
+    return is_explained(found) and any(j < first for j in found.best.members)
+
+
 @torch.no_grad()
 def discover_in_segments(
     problem: Problem, found: SegmentSearch, run: StageTracker, seconds: dict[str, float]
@@ -114,7 +120,7 @@ def _best_by_size(found: SegmentSearch) -> list[BestOfSize]:
     best: dict[int, SegmentLaw] = {}
     for law in found.laws:
         if math.isfinite(law.score):
-            best.setdefault(len(law.members), law)
+            best.setdefault(len(found.terms(law)[0]), law)
     seen = found.problem.segments.seen
     path = []
     for _, law in sorted(best.items()):
