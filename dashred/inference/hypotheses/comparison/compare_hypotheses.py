@@ -219,7 +219,7 @@ def _fit_global_hypotheses(best: HypothesisFit, null: HypothesisFit) -> list[Hyp
     fits = [best, null] if best.law.candidates else [null]
     fits += fit_sensor_hypotheses(null, best.law.score + AMBIGUITY_MARGIN)
     if best.law.candidates:
-        fits += fit_sensor_hypotheses(best, best.law.score)
+        fits += search_faults_beside_best([best], set())
     return fits + fit_start_hypotheses(null, best.law.score + REJECTION_MARGIN)
 
 
