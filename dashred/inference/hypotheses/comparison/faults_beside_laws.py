@@ -8,6 +8,7 @@ from dataclasses import replace
 from torch import Tensor
 
 from dashred.inference.fit.law import Law
+from dashred.inference.hypotheses.comparison.needless_terms import drop_needless_terms
 from dashred.inference.hypotheses.comparison.noise_reestimation import refit_under_noise
 from dashred.inference.hypotheses.comparison.residual_forcing import ResidualForcing
 from dashred.inference.hypotheses.free_forcing import FreeForcing, evidence, fit_free_forcing
@@ -37,8 +38,14 @@ def search_faults_beside_best(
     ]
     if best.excluded is not None or not same or same[0].law.parts in searched:
         return []
-    found = fit_sensor_hypotheses(min(same, key=by_score), best.law.score)
-    return [fit for fit in found if fit.law.score < best.law.score]
+    base = min(same, key=by_score)
+    found = fit_sensor_hypotheses(base, best.law.score)
+    better = [fit for fit in found if fit.law.score < best.law.score]
+    if not better or not base.law.candidates:
+        return better
+    [cost], _ = base.objective.values(base.phi[None])
+    penalty = (base.law.score - float(cost)) / len(base.law.candidates)
+    return [*better, *drop_needless_terms(min(better, key=by_score), penalty)]
 
 
 def forcing_gain_beside(fit: HypothesisFit, tendency_rms: Tensor) -> float:

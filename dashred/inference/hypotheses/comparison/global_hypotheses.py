@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from dashred.core.budget import Budget
+from dashred.inference.hypotheses.comparison.faults_beside_laws import (
+    search_faults_beside_best,
+)
 from dashred.inference.hypotheses.hypothesis_fit import REJECTION_MARGIN, HypothesisFit
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN
 from dashred.inference.hypotheses.sensors.fault_fits import fit_sensor_hypotheses
@@ -29,7 +32,7 @@ def fit_global_hypotheses(
     fits = [null]
     if best.law.candidates:
         fits.insert(0, best)
-        beside = ("sensor faults beside the law", lambda: fit_sensor_hypotheses(best, score))
+        beside = ("sensor faults beside the law", lambda: search_faults_beside_best([best], set()))
         families.insert(1, beside)
     for name, fit_family in families:
         fits += budget.attempt(name, fit_family, [])
