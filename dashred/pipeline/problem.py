@@ -190,7 +190,8 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
         longest_fit = max((split.fit for split in splits[:fitted]), key=lambda fit: len(fit.times))
         std = np.array([noise[name] for name in longest_fit.names])
         driven = with_inputs(system, longest_fit.inputs)
-        chosen, why = with_time_step(driven, longest_fit, std, config.resolution_limit)
+        limit, end = config.resolution_limit, budget.deadline(ENDS["simulate"])
+        chosen, why = with_time_step(driven, longest_fit, std, limit, end)
         system, clock = system.with_step(chosen.dt), f"{clock}; {why}"
     problems = [
         Problem(

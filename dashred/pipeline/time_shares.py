@@ -9,19 +9,19 @@ from dashred.core.budget import Budget
 DEFAULT_SECONDS = (300.0, 300.0, 600.0)
 # Share of the whole time after which a stage ends. Time that a stage leaves goes to the later ones.
 ENDS = {
-    "simulate": 0.3,
-    "search over segments": 0.4,
-    "simulate the ensemble": 0.5,
-    "train SHRED": 0.55,
-    "assimilate": 0.6,
-    "fit the first guesses": 0.64,
-    "grow the horizon": 0.7,
+    "simulate": 0.25,
+    "search over segments": 0.35,
+    "simulate the ensemble": 0.4,
+    "train SHRED": 0.46,
+    "assimilate": 0.5,
+    "fit the first guesses": 0.58,
+    "grow the horizon": 0.68,
     "select the law": 0.74,
     "fit the law to the end": 0.77,
-    "compare hypotheses": 0.85,
-    "corrected ensemble": 0.88,
+    "compare hypotheses": 0.86,
+    "corrected ensemble": 0.89,
     "train corrected SHRED": 0.93,
-    "draw figures": 0.98,
+    "draw figures": 0.97,
 }
 
 

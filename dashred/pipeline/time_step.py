@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dashred.core.budget import Deadline, OutOfTimeError
 from dashred.core.errors import InputError
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
@@ -28,6 +29,8 @@ NOISE_SHARE, LEAST_NOISE = 1 / 20, 0.01
 MAX_HALVINGS = 12
 # Number of segments over the record.
 SEGMENTS = 8
+# Allowed change of a trace that is constant.
+SMALLEST = 1e-12
 
 
 def states_time_step(system: System) -> bool:
@@ -37,7 +40,7 @@ def states_time_step(system: System) -> bool:
 
 @torch.no_grad()
 def with_time_step(
-    system: System, recording: Recording, noise: np.ndarray, limit: float
+    system: System, recording: Recording, noise: np.ndarray, limit: float, deadline: Deadline
 ) -> tuple[System, str]:
     """Return a system with a time step, and one clause on how it was chosen.
 
@@ -46,21 +49,26 @@ def with_time_step(
         recording: the fitted part of the recording.
         noise: σ of its sensors, ``(sensor,)``.
         limit: largest change of a trace over the record at doubled resolution, in its std.
+        deadline: time at which the choice ends.
 
     Raises:
-        InputError: no step is short enough.
+        InputError: no step is short enough, or there was no time to find it.
     """
     times = torch.from_numpy(recording.times)
     interval = float((times[1:] - times[:-1]).median())
     allowed = _allowed_change(recording, noise, limit, bool(system.axes))
     steps = [interval / 2**halvings for halvings in range(MAX_HALVINGS + 1)]
-    for coarse, fine in pairwise(steps):
-        change = _change(system.with_step(coarse), system.with_step(fine), recording, allowed)
-        if change <= 1:
-            chosen = system.with_step(coarse)
-            return chosen, f"time step: {coarse:.6g}, chosen for an error far below the noise"
+    tried = steps[0]
+    try:
+        for coarse, fine in pairwise(map(system.with_step, steps)):
+            tried = coarse.dt
+            if _change(coarse, fine, recording, allowed, deadline) <= 1:
+                return coarse, f"time step: {tried:.6g}, chosen for an error far below the noise"
+        reason = ""
+    except OutOfTimeError:
+        reason = ", and the budget gives no more time to choose"
     raise InputError(
-        f"half the time step still changes the readings, even with a step of {steps[-2]:.3g}",
+        f"a time step of {tried:.3g} is still too long for the noise of the recording{reason}",
         where=system.where("system.integrator"),
         hint="give system.integrator.dt, or look at the signs of the equations",
     )
@@ -76,20 +84,26 @@ def _allowed_change(
     std = recording.trace_std()
     count = max(1.0, len(recording.times) / SAMPLES) if has_axes else 1.0
     by_noise = NOISE_SHARE * np.maximum(noise, LEAST_NOISE * std)
-    return torch.from_numpy(np.minimum(by_noise, limit * std / count))
+    return torch.from_numpy(np.minimum(by_noise, limit * std / count)).clamp(min=SMALLEST)
 
 
-def _change(coarse: System, fine: System, recording: Recording, allowed: Tensor) -> float:
+def _change(
+    coarse: System, fine: System, recording: Recording, allowed: Tensor, deadline: Deadline
+) -> float:
     """Return the largest change of a reading over a segment, in units of the allowed change."""
     times, operator = (
         torch.from_numpy(recording.times),
         ObservationOperator(recording.sensors, fine),
     )
+
+    def timed(done: float) -> None:
+        deadline.check()
+
     try:
-        start = nominal_start(fine)
+        start = nominal_start(fine, timed)
     except InputError:
         return math.inf
-    path, rough = (simulate(system, start, times)[0] for system in (fine, coarse))
+    path, rough = (simulate(s, start, times, progress=timed)[0] for s in (fine, coarse))
     if torch.isfinite(path).all() and not torch.isfinite(rough).all():
         return math.inf
     known = _within_range(operator(path[None])[0], recording)
@@ -113,4 +127,4 @@ def _within_range(readings: Tensor, recording: Recording) -> list[int]:
     read = readings.numpy()[: len(values) - SAMPLES]
     with np.errstate(invalid="ignore"):
         inside = ((read > low - width) & (read < high + width)).all(axis=1)
-    return [0, *np.flatnonzero(inside[1:] & np.logical_and.accumulate(inside)[1:]) + 1]
+    return [0, *np.flatnonzero(np.logical_and.accumulate(inside)[1:]) + 1]

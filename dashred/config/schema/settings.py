@@ -47,7 +47,7 @@ class Shred:
     """Length of the history before the present sample."""
 
     latent: Count | None
-    """Size of the latent state h; null chooses it by the size of the state: 32 for up to 16
+    """Size of the latent state h; null chooses it by the size of the state: 32 for up to 1024
     values, else 64."""
 
     layers: Count
@@ -55,14 +55,14 @@ class Shred:
 
     decoder: list[Count] | None
     """Widths of the decoder's hidden layers; null chooses them by the size of the state: [64, 64]
-    for up to 16 values, else [256, 256]."""
+    for up to 16 values, [128] for up to 1024, else [256, 256]."""
 
     modes: Count
     """Number of POD modes of the decoder's output."""
 
     epochs: Count | None
     """Maximum number of epochs; null chooses it by the size of the state: 14 for up to 16 values,
-    else 44."""
+    else 20."""
 
     steps: Count
     """Optimiser steps per epoch."""
