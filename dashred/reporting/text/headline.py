@@ -6,7 +6,7 @@ from typing import Any
 from dashred.core.formatting import number
 from dashred.core.units import NO_UNITS
 from dashred.reporting.text.causes import cause_text
-from dashred.reporting.text.improvement import OTHER_CAUSES, reference
+from dashred.reporting.text.improvement import OTHER_CAUSES, is_lost, reference
 from dashred.reporting.text.parameters import short_parameter_text
 from dashred.reporting.text.verdict import FEW, sentence
 
@@ -43,6 +43,8 @@ def gain(findings: Mapping[str, Any]) -> tuple[str, float] | None:
     compared = {each["data"]: each for each in fit.get("comparisons", ())}
     for key in PLACES:
         if verdict == "sensor-fault" and key == "test_sensors":
+            continue
+        if findings["terms"] and is_lost(fit, key):
             continue
         errors = fit.get(key) or {}
         before, after = errors.get(reference(verdict)), errors.get("corrected")

@@ -170,6 +170,17 @@ def test_a_chaotic_system_is_told_up_to_the_time_at_which_its_runs_are_lost() ->
     assert headline(only).endswith("in the held-out time is 6 times smaller.")
 
 
+def test_data_for_which_both_chaotic_runs_are_lost_support_nothing() -> None:
+    again: Any = BETTER | {"data": "heldout_restarted", "before": 1.2, "after": 0.1}
+    told = found(again, verdict="missing-term")
+    told["fit"]["test_sensors"] = errors_by_method()
+    told["fit"]["heldout_restarted"] = errors_by_method(simulation_refit=1.2, corrected=0.1)
+    [late, restarted] = improvements(told)
+    assert late.endswith("both runs of this chaotic system are lost before then.")
+    assert restarted.endswith("12 times smaller.")
+    assert headline(told).endswith("from a state fitted just before it is 12 times smaller.")
+
+
 @pytest.mark.parametrize("verdict", ["missing-term", "ambiguous", "outside-library"])
 def test_no_p_value_is_printed(verdict: str) -> None:
     told = found(verdict=verdict)
