@@ -14,7 +14,7 @@ PLACES = {
     "test_sensors": "at sensors not used in any fit",
     "heldout_episode": "in an episode not used in any fit",
     "heldout_time": "in the held-out time",
-    "heldout_restarted": "in the held-out time, from a state fitted just before it",
+    "heldout_restarted": "in the held-out time, from a state fitted just before it,",
 }
 # Ratios of errors nearer to 1 than this count as no difference.
 SAME = 1.05

@@ -36,7 +36,7 @@ def improvements(findings: Mapping[str, Any]) -> list[str]:
     start = "the same start" if findings["terms"] else "its nominal start"
     best = "its best start"
     if verdict == "initial-condition":
-        best += " within the stated spread"
+        best += " under the stated prior"
     for key, place in HELD_OUT.items():
         errors = fit.get(key) or {}
         names = ("simulation_same_start", "simulation_refit", "corrected")

@@ -130,7 +130,7 @@ def test_where_the_start_is_the_correction_it_is_compared_with_the_nominal_start
     assert restarted.endswith("0.3 for the corrected simulation: no difference.")
     assert test == (
         "At the test sensors the error is 0.9 for the simulation from its nominal start, 0.21 for "
-        "the simulation from its best start within the stated spread, 0.52 for the corrected "
+        "the simulation from its best start under the stated prior, 0.52 for the corrected "
         "simulation: 1.7 times smaller."
     )
     assert late.endswith("4 times smaller.")
@@ -178,7 +178,7 @@ def test_data_for_which_both_chaotic_runs_are_lost_support_nothing() -> None:
     [late, restarted] = improvements(told)
     assert late.endswith("both runs of this chaotic system are lost before then.")
     assert restarted.endswith("12 times smaller.")
-    assert headline(told).endswith("from a state fitted just before it is 12 times smaller.")
+    assert headline(told).endswith("from a state fitted just before it, is 12 times smaller.")
 
 
 @pytest.mark.parametrize("verdict", ["missing-term", "ambiguous", "outside-library"])
