@@ -142,6 +142,17 @@ def test_a_wrong_law_is_worse_at_test_sensors_and_in_held_out_time(tmp_path: Pat
     assert found["heldout_restarted"]["after"] > found["heldout_restarted"]["before"]
 
 
+def test_a_law_that_blows_up_is_worse(tmp_path: Path) -> None:
+    problem = make_problem(tmp_path, FAR)
+    cubic = laws.term(problem.system, "p", "x**3")
+    wrong = from_start(laws.law([cubic], [50.0]), FAR)
+    analysis = analysis_of(problem, wrong, from_start(laws.law(), FAR))
+    assert not torch.isfinite(analysis.trajectories.states["corrected"]).all()
+    predictions = predict_held_out(problem, analysis)
+    assert held_out_errors(predictions)["heldout_time"]["corrected"] == np.inf
+    assert all(each["worse"] for each in compare_held_out(predictions))
+
+
 def test_a_small_error_grows_only_in_an_unstable_system(tmp_path: Path) -> None:
     problem = make_problem(tmp_path, FAR)
     rates = []
