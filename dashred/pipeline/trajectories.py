@@ -96,7 +96,9 @@ def _run(
     forecast = times[-1] + step * torch.arange(1, ahead + 1, dtype=torch.float64)
     all_times = torch.cat([times, forecast])
     uncorrected = start if best.candidates else nominal
-    starts = torch.stack([uncorrected, refitted, start, start + SHIFT * (nominal - start)])
+    # A start that is known exactly equals the nominal one.
+    shift = SHIFT * (nominal - start if bool((nominal != start).any()) else start)
+    starts = torch.stack([uncorrected, refitted, start, start + shift])
     none = torch.zeros((1, len(best.candidates)), dtype=torch.float64)
     law = best.coefficients[None]
     forcing = build_forcing(best.candidates, torch.cat([none, none, law, law]))

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from torch import Tensor
-
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.located_source import LocatedSource
 from dashred.inference.fit.noise_model import NoiseModel
@@ -108,21 +106,3 @@ class Discovery:
             if law.score < self.best.score + AMBIGUITY_MARGIN and not is_nested:
                 rivals.append(law)
         return rivals
-
-
-@dataclass(frozen=True)
-class Trajectories:
-    """Free runs over the time of the recording and beyond.
-
-    Attributes:
-        times: the sample times of the recording, then half as many again, ``(time,)``.
-        same_start: the uncorrected simulator from the initial state of the best law,
-            ``(time, field, *grid)``.
-        refit: the uncorrected simulator from its own best initial state.
-        corrected: the best law from its own initial state.
-    """
-
-    times: Tensor
-    same_start: Tensor
-    refit: Tensor
-    corrected: Tensor

@@ -26,13 +26,19 @@ WIDTH = 96
 
 
 def write_corrected(
-    path: Path, config: Config, system: System, law: Law, recording_sha256: str
+    path: Path,
+    config: Config,
+    system: System,
+    law: Law,
+    recording_sha256: str,
+    remark: str = "",
 ) -> None:
     """Write the configuration of the corrected simulator atomically.
 
     It contains the keys of the user's file and command line, with the equations and parameters of
     :func:`dashred.inference.results.corrected_system.correct`. The defaults stay in
-    ``conf/base.yaml``. It contains no path, so it runs in any folder.
+    ``conf/base.yaml``. It contains no path, so it runs in any folder. The remark is part of its
+    header.
     """
     values = _user_values(config)
     corrected = build_corrected_system(system, law)
@@ -52,7 +58,8 @@ def write_corrected(
         }
         values["system"]["parameters"] = _Block(rounded)
     body = yaml.dump(values, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=WIDTH)
-    write_text_atomic(path, f"{_header(config, system, law, recording_sha256)}\n{body}")
+    header = _header(config, system, law, recording_sha256, remark)
+    write_text_atomic(path, f"{header}\n{body}")
 
 
 def _loses_structure(config: Config, corrected: System) -> bool:
@@ -81,12 +88,13 @@ def _user_values(config: Config) -> dict[str, Any]:
     return values
 
 
-def _header(config: Config, system: System, law: Law, recording_sha256: str) -> str:
+def _header(config: Config, system: System, law: Law, recording_sha256: str, remark: str) -> str:
     origin = "given as a dict" if config.source is None else config.source.name
     lines = [
         f"{system.title}, corrected: the simulation with the law that dashred found.",
         "",
         law_text(terms_of_law(system, law), system),
+        *([remark] if remark else []),
         "",
         f"Found from the recording with sha256 {recording_sha256[:16]}…, seed {config.seed}; "
         f"± is one standard deviation. The configuration was {origin}.",

@@ -109,7 +109,7 @@ def _analog(problem: Problem, path: Tensor, values: Tensor, noise: NoiseModel) -
     residuals = readings.unfold(0, length, 1).movedim(-1, 1) - values[:length]
     seen = noise.available[:length]
     misfits = torch.where(seen, residuals / noise.std, 0.0).square().sum(dim=(1, 2))
-    return LinearStart(finite[int(misfits.argmin())], torch.diag(finite.std(dim=0)))
+    return LinearStart(finite[int(misfits.argmin())], torch.diag(finite.std(dim=0, correction=0)))
 
 
 def _forecast(

@@ -47,6 +47,9 @@ from dashred.pipeline.verification.spent_budget import blame_budget, note_budget
 from dashred.pipeline.verification.structure import structure_change
 from dashred.reporting.wording.findings_text import add_text
 
+# The remark in the corrected configuration of a law that held-out data contradict.
+UNCONFIRMED = "The held-out data contradict this law: it is suggested, but not confirmed."
+
 
 def verify(problem: Problem, analysis: Analysis) -> Findings:
     """Compare every method with the held-out data and return the findings."""
@@ -150,7 +153,8 @@ def write_findings(problem: Problem, analysis: Analysis, findings: Findings, out
     if findings["corrected"] is not None:
         law = analysis.discovery.best
         sha256 = problem.recording_sha256
-        write_corrected(output / CORRECTED, problem.config, problem.system, law, sha256)
+        remark = UNCONFIRMED if findings["verdict"] == "unconfirmed" else ""
+        write_corrected(output / CORRECTED, problem.config, problem.system, law, sha256, remark)
         others.append(CORRECTED)
     freeze_findings(output, findings, others)
 

@@ -6,7 +6,7 @@ from typing import Any
 from dashred.core.formatting import number
 from dashred.core.units import NO_UNITS
 from dashred.reporting.text.causes import cause_text, fault_causes
-from dashred.reporting.text.improvement import OTHER_CAUSES, reference
+from dashred.reporting.text.improvement import OTHER_CAUSES, is_lost, reference
 from dashred.reporting.text.parameters import short_parameter_text
 from dashred.reporting.text.sources import short_source_text
 from dashred.reporting.text.verdict import FEW, located_source, sentence
@@ -15,7 +15,7 @@ PLACES = {
     "test_sensors": "at sensors not used in any fit",
     "heldout_episode": "in an episode not used in any fit",
     "heldout_time": "in the held-out time",
-    "heldout_restarted": "in the held-out time, from a state fitted just before it",
+    "heldout_restarted": "in the held-out time, from a state fitted just before it,",
 }
 # Ratios of errors nearer to 1 than this count as no difference.
 SAME = 1.05
@@ -48,6 +48,8 @@ def gain(findings: Mapping[str, Any]) -> tuple[str, float] | None:
     compared = {each["data"]: each for each in fit.get("comparisons", ())}
     for key in PLACES:
         if verdict == "sensor-fault" and key == "test_sensors":
+            continue
+        if findings["terms"] and is_lost(fit, key):
             continue
         errors = fit.get(key) or {}
         before, after = errors.get(reference(verdict)), errors.get("corrected")

@@ -36,7 +36,7 @@ def improvements(findings: Mapping[str, Any]) -> list[str]:
     start = "the same start" if findings["terms"] else "its nominal start"
     best = "its best start"
     if verdict == "initial-condition":
-        best += " within the stated spread"
+        best += " under the stated prior"
     for key, place in HELD_OUT.items():
         errors = fit.get(key) or {}
         names = ("simulation_same_start", "simulation_refit", "corrected")
@@ -52,10 +52,21 @@ def improvements(findings: Mapping[str, Any]) -> list[str]:
         # After a restart, the start of the recording has no effect.
         before = refit if key == "heldout_restarted" else errors.get(reference(verdict))
         change = _factor(before, corrected)
+        if findings["terms"] and is_lost(fit, key):
+            change = "both runs of this chaotic system are lost before then"
         lines.append(
             f"{place} the error is {', '.join(parts)}: {change}.{_predictable(findings, key)}"
         )
     return lines
+
+
+def is_lost(fit: Mapping[str, Any], key: str) -> bool:
+    """Return whether both runs of a chaotic system are lost before these held-out data begin.
+
+    They are then not compared there, although they are compared elsewhere.
+    """
+    compared = [each["data"] for each in fit.get("comparisons", ())]
+    return bool(compared) and key not in compared
 
 
 def contradictions(findings: Mapping[str, Any]) -> list[str]:

@@ -117,6 +117,12 @@ def test_the_header_says_what_was_added_and_from_what(mine: Path, tmp_path: Path
     assert "0123456789abcdef… " not in header and "0123456789abcdef…, seed 4" in header
     assert "estimates.nc" in header
     assert max(map(len, lines)) <= 100
+    assert "It is suggested." not in header
+    write_corrected(
+        path, config, system, example(system), "0123456789abcdef0123", "It is suggested."
+    )
+    assert "# It is suggested.\n" in path.read_text()
+    assert load(path)[0].system.equations["u"] != config.system.equations["u"]
 
 
 def test_an_empty_law_is_the_simulator_itself(mine: Path, tmp_path: Path) -> None:

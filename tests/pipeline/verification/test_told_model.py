@@ -142,12 +142,24 @@ def test_a_wrong_law_is_worse_at_test_sensors_and_in_held_out_time(tmp_path: Pat
     assert found["heldout_restarted"]["after"] > found["heldout_restarted"]["before"]
 
 
+def test_a_law_that_blows_up_is_worse(tmp_path: Path) -> None:
+    problem = make_problem(tmp_path, FAR)
+    cubic = laws.term(problem.system, "p", "x**3")
+    wrong = from_start(laws.law([cubic], [50.0]), FAR)
+    analysis = analysis_of(problem, wrong, from_start(laws.law(), FAR))
+    assert not torch.isfinite(analysis.trajectories.states["corrected"]).all()
+    predictions = predict_held_out(problem, analysis)
+    assert held_out_errors(predictions)["heldout_time"]["corrected"] == np.inf
+    assert all(each["worse"] for each in compare_held_out(predictions))
+
+
 def test_a_small_error_grows_only_in_an_unstable_system(tmp_path: Path) -> None:
     problem = make_problem(tmp_path, FAR)
     rates = []
-    for strength in (0.0, 2.0):
+    # The last start is the nominal one.
+    for strength, start in ((0.0, FAR), (2.0, FAR), (2.0, (1.0, 0.0))):
         push = laws.term(problem.system, "p", "p")
-        best = from_start(laws.law([push], [strength]), FAR)
+        best = from_start(laws.law([push], [strength]), start)
         rates.append(analysis_of(problem, best, best).trajectories.growth_rate)
     # The equation p' = -4 x + 2 p grows as exp(t).
-    assert rates == [pytest.approx(0.0, abs=0.03), pytest.approx(1.0, abs=0.1)]
+    assert rates == pytest.approx([0.0, 1.0, 1.0], abs=0.1)

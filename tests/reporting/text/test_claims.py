@@ -130,7 +130,7 @@ def test_where_the_start_is_the_correction_it_is_compared_with_the_nominal_start
     assert restarted.endswith("0.3 for the corrected simulation: no difference.")
     assert test == (
         "At the test sensors the error is 0.9 for the simulation from its nominal start, 0.21 for "
-        "the simulation from its best start within the stated spread, 0.52 for the corrected "
+        "the simulation from its best start under the stated prior, 0.52 for the corrected "
         "simulation: 1.7 times smaller."
     )
     assert late.endswith("4 times smaller.")
@@ -168,6 +168,17 @@ def test_a_chaotic_system_is_told_up_to_the_time_at_which_its_runs_are_lost() ->
     only = found(cut, verdict="missing-term")
     only["fit"]["test_sensors"] = errors_by_method()
     assert headline(only).endswith("in the held-out time is 6 times smaller.")
+
+
+def test_data_for_which_both_chaotic_runs_are_lost_support_nothing() -> None:
+    again: Any = BETTER | {"data": "heldout_restarted", "before": 1.2, "after": 0.1}
+    told = found(again, verdict="missing-term")
+    told["fit"]["test_sensors"] = errors_by_method()
+    told["fit"]["heldout_restarted"] = errors_by_method(simulation_refit=1.2, corrected=0.1)
+    [late, restarted] = improvements(told)
+    assert late.endswith("both runs of this chaotic system are lost before then.")
+    assert restarted.endswith("12 times smaller.")
+    assert headline(told).endswith("from a state fitted just before it, is 12 times smaller.")
 
 
 @pytest.mark.parametrize("verdict", ["missing-term", "ambiguous", "outside-library"])
