@@ -102,4 +102,9 @@ def _statements(findings: Mapping[str, Any]) -> list[str]:
         return []
     causes = [] if kind == "outside-library" else verdict.causes(findings)
     description = verdict.VERDICTS.get(kind, "see findings.json")
-    return [f"Verdict: {kind}: {description}.", *causes, *verdict.law(findings)]
+    return [
+        f"Verdict: {kind}: {description}.",
+        *causes,
+        *verdict.source(findings),
+        *verdict.law(findings),
+    ]

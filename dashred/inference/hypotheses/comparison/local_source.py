@@ -16,8 +16,14 @@ from dashred.inference.hypotheses.hypothesis_fit import (
     by_score,
 )
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN
+from dashred.inference.hypotheses.sensors.leave_one_sensor_out import with_all_samples
 from dashred.inference.hypotheses.sources.courses import Constant
-from dashred.inference.hypotheses.sources.find_source import FoundSource, find_source, rival_score
+from dashred.inference.hypotheses.sources.find_source import (
+    FoundSource,
+    find_source,
+    refit_source,
+    rival_score,
+)
 from dashred.inference.hypotheses.sources.smooth_forcing import (
     fit_smooth_forcing,
     linearise_fine_forcing,
@@ -66,15 +72,22 @@ def fit_local_source(
     found = find_source(null.objective, null.phi, forcing, size, candidate_count)
     if found is None:
         return SourceHypothesis()
-    report(
-        0.35, f"a localised source leaves χ²/n {found.fit.chi2 / null.objective.noise.count:.2f}"
-    )
-    located = locate_source(null.objective, found)
+    objective, fault = null.objective, residual.fault
+    if fault is not None:
+        # A source that the forcing does not resolve may have looked like a fault.
+        everything = with_all_samples(objective)
+        whole = refit_source(everything, found, size)
+        if whole.fit.chi2 < MAX_SOURCE_CHI2 * everything.noise.count:
+            objective, found, fault = everything, whole, None
+    report(0.35, f"a localised source leaves χ²/n {found.fit.chi2 / objective.noise.count:.2f}")
+    located = locate_source(objective, found)
     if found.score > best.law.score + AMBIGUITY_MARGIN:
         return SourceHypothesis(located)
-    law = fit_source_law(null.objective, found, size)
-    [fit] = residual.add_fault([law])
-    return SourceHypothesis(located, (fit,), _is_clear(residual, found, fit, best))
+    fits = [fit_source_law(objective, found, size)]
+    if fault is not None:
+        fits = residual.add_fault(fits)
+    leader = min(fits, key=by_score)
+    return SourceHypothesis(located, tuple(fits), _is_clear(residual, found, leader, best))
 
 
 def _is_clear(

@@ -74,7 +74,7 @@ def add_fault(fit: HypothesisFit, sensor: int) -> HypothesisFit:
 
 
 def _add_likeliest_fault(fit: HypothesisFit, sensor: int) -> tuple[HypothesisFit, ExcludedSensor]:
-    full_problem, phi = _with_all_samples(fit.objective), fit.phi
+    full_problem, phi = with_all_samples(fit.objective), fit.phi
     normal = full_problem.linearise(phi)
     columns = full_problem.forward_model.sensors.columns_of(sensor)
     suspected = find_suspected_faults(full_problem, normal)
@@ -108,9 +108,9 @@ def add_fault_or_refit(laws: Sequence[HypothesisFit], sensor: int) -> list[Hypot
 
 def _refit_with_all_sensors(fit: HypothesisFit) -> HypothesisFit:
     """Refit a hypothesis that was fitted without a sensor to all sensors."""
-    return refit(fit, _with_all_samples(fit.objective))
+    return refit(fit, with_all_samples(fit.objective))
 
 
-def _with_all_samples(objective: LeastSquaresProblem) -> LeastSquaresProblem:
+def with_all_samples(objective: LeastSquaresProblem) -> LeastSquaresProblem:
     """Return F of all recorded samples."""
     return replace(objective, noise=replace(objective.noise, available=~objective.recorded.isnan()))
