@@ -217,6 +217,9 @@ def test_how_well_a_region_was_found(config) -> None:
     # On a ring a region is the same a turn further on.
     turned = found_in({"axis": "x", "from": 1.0 - 2 * np.pi, "to": 3.0 - 2 * np.pi, "std": 0.1})
     assert region(turned, LOCAL)["overlap"] == pytest.approx(1.0)
+    # A region that wraps around the ring ends before it begins.
+    around = found_in({"axis": "x", "from": 3.0, "to": 1.0, "std": 0.1})
+    assert region(around, LOCAL)["overlap"] == pytest.approx(0.0)
     apart = found_in({"axis": "x", "from": 4.0, "to": 5.0, "std": 0.1})
     assert region(apart, LOCAL)["overlap"] == 0.0
     later = SealedTerm("u", "u**3", -0.1, ("t", 2.0, None, 0.1))
