@@ -9,7 +9,7 @@ from torch import Tensor
 from dashred.core.progress import Report
 from dashred.inference.fit.located_source import LocatedSource
 from dashred.inference.hypotheses.comparison.residual_forcing import ResidualForcing
-from dashred.inference.hypotheses.forcing_map import ForcingMap, build_smooth_map
+from dashred.inference.hypotheses.forcing_map import ForcingMap
 from dashred.inference.hypotheses.hypothesis_fit import (
     REJECTION_MARGIN,
     HypothesisFit,
@@ -25,6 +25,7 @@ from dashred.inference.hypotheses.sources.find_source import (
     rival_score,
 )
 from dashred.inference.hypotheses.sources.smooth_forcing import (
+    build_smooth_map,
     fit_smooth_forcing,
     linearise_fine_forcing,
 )

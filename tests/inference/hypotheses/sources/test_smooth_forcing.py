@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 import torch
 
-from dashred.inference.hypotheses.forcing_map import build_smooth_map
 from dashred.inference.hypotheses.free_forcing import FreeForcing, evidence, fit_free_forcing
 from dashred.inference.hypotheses.sources.bump import Bump
 from dashred.inference.hypotheses.sources.smooth_forcing import (
     LinearisedForcing,
+    build_smooth_map,
     fit_smooth_forcing,
     linearise_fine_forcing,
 )
