@@ -64,6 +64,11 @@ class ForcingBasis:
         return self.fields, len(self.bumps), self.courses.shape[1]
 
     @property
+    def is_nodal(self) -> bool:
+        """Whether the courses are hat functions, one for each knot."""
+        return torch.equal(self.courses, torch.eye(len(self.knots), dtype=torch.float64))
+
+    @property
     def count(self) -> int:
         """Number of amplitudes."""
         return math.prod(self.shape)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from torch import Tensor
 
 from dashred.inference.hypotheses.free_forcing import FreeForcing
-from dashred.inference.hypotheses.sources.smooth_forcing import SmoothForcing
 from dashred.physics.forcing_basis import cell_centres
 
 
@@ -51,11 +50,3 @@ def build_forcing_map(forcing: FreeForcing, gain: float) -> ForcingMap | None:
         stds / size,
         gain,
     )
-
-
-def build_smooth_map(smooth: SmoothForcing, gain: float) -> ForcingMap:
-    """Return the map of a smooth forcing in cells and at knots."""
-    basis, size = smooth.forcing.block.basis, smooth.forcing.block.size[:, None, None]
-    system = smooth.forcing.objective.forward_model.simulator.system
-    centres = cell_centres(system, len(smooth.cells))
-    return ForcingMap(centres, basis.knots, smooth.amplitudes / size, smooth.stds / size, gain)

@@ -23,6 +23,7 @@ from dashred.inference.hypotheses.forcing_map import ForcingMap
 from dashred.inference.hypotheses.result import Discovery
 from dashred.inference.results.explanation import region_of
 from dashred.inference.results.regime import active_states
+from dashred.inference.results.source_of_law import source_of_discovery
 from dashred.physics.expressions import algebra
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
@@ -58,19 +59,20 @@ def locate(
     noise = replace(discovery.noise, available=discovery.noise.available & ~left_out)
     before, after = noise.whiten(discovery.uncorrected.residuals), noise.whiten(law.residuals)
     available = noise.available
+    source = source_of_discovery(system, discovery, times)
     return Where(
         equation={
             field: float(share) / total if total else 0.0
             for field, share in zip(system.fields, shares, strict=True)
         },
-        region=region_of(system, law) or _region_of_source(discovery.source),
+        region=region_of(system, law) or _region_of_source(source),
         time=[float(times[0]), float(times[-1])],
         states=active_states(system, states, power, _reads(system, law)) if total else None,
         sensors=_sensors(sensors, before, after, available, len(law.candidates)),
         significance=_significance(before, after, len(law.candidates), discovery.refit_count),
         profile=_profile(times, before, after, available),
         forcing=_forcing(system, discovery.forcing_map),
-        source=_source(discovery.source, as_terms=law.source is not None),
+        source=_source(source, as_terms=law.source is not None),
     )
 
 

@@ -52,13 +52,16 @@ def figures_of(problem: Problem, analysis: Analysis, findings: Findings) -> Figu
     figures["sparsity.png"] = partial(draw_sparsity, analysis)
     figures["learning.png"] = partial(_learning, analysis)
     figures["verification.png"] = partial(draw_verification, problem, analysis, findings)
-    if (where := findings["where"]) is not None:
+    where, is_told = findings["where"], findings["terms"] is not None
+    if is_told:
         figures["forecast.png"] = partial(draw_forecast, problem, analysis)
         figures["evidence.png"] = partial(_evidence, analysis, findings)
+    if where is not None:
         if len(problem.system.axes) == 1 and where["forcing"] is not None:
             drawn = partial(draw_forcing, problem, where["forcing"], where["source"])
             figures["forcing.png"] = drawn
-        figures["where.png"] = partial(draw_where, problem, analysis, where)
+        if is_told:
+            figures["where.png"] = partial(draw_where, problem, analysis, where)
     if axes := len(problem.system.axes):
         name = "space_time.png" if axes == 1 else "snapshots.png"
         figures[name] = partial(_fields, problem, analysis)

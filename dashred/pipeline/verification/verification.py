@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import xarray as xr
@@ -78,14 +79,23 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     )
     proposed = {n: proposals(problem, f) for n, f in analysis.assimilated.proposals.items()}
     latent = Latent(alg1=proposed["alg1"], alg2=proposed["alg2"])
+    count = len(problem.split.fit.times)
     if kind == "not-converged":
         blame_budget(causes[0], problem.budget)
+        # No law is told: where and when the simulator misses the recording is known all the same.
+        without = replace(discovered, laws=[discovered.uncorrected])
+        states = analysis.trajectories.states["simulation_refit"]
         failed = new_findings(
-            build_input(problem), fit=fit, latent=latent, verdict=kind, causes=causes, units=units
+            build_input(problem),
+            fit=fit,
+            latent=latent,
+            verdict=kind,
+            causes=causes,
+            where=locate(problem.system, without, states[:count], problem.times[:count], names),
+            units=units,
         )
         note_budget(failed, problem.budget)
         return add_text(failed, problem.system)
-    count = len(problem.split.fit.times)
     findings = new_findings(
         build_input(problem),
         fit=fit,

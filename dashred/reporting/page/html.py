@@ -115,5 +115,10 @@ def _statements(findings: Mapping[str, Any]) -> list[str]:
         return []
     causes = [] if kind == "outside-library" else verdict.causes(findings)
     description = verdict.VERDICTS.get(kind, "see findings.json")
-    contradicted = contradictions(findings)
-    return [f"Verdict: {kind}: {description}.", *contradicted, *causes, *verdict.law(findings)]
+    return [
+        f"Verdict: {kind}: {description}.",
+        *contradictions(findings),
+        *causes,
+        *verdict.source(findings),
+        *verdict.law(findings),
+    ]

@@ -201,3 +201,14 @@ def test_the_map_of_a_forcing_shows_the_equations_of_which_it_is_sure() -> None:
     assert np.array_equal(np.asarray(image.get_array()), size) and image.get_clim() == (-0.5, 0.5)
     [dots] = [line for line in panels[0].lines if line.get_marker() == "."]
     assert np.size(dots.get_xdata()) == 9
+    source = {"equation": "u", "place": [3.0], "region": [{"axis": "x", "from": 2.0, "to": 4.0}],
+              "times": [0.0, 2.0], "rates": [0.1, 0.4]}  # fmt: skip
+    marked = forcing_figure(forcing, "x", 8.0, [1.0, 5.0], source=source)
+    course = marked.axes[1]
+    assert course.lines[0].get_ydata() == pytest.approx([0.1, 0.4])
+    edges = [
+        np.ravel(line.get_ydata())[0]
+        for line in marked.axes[0].lines
+        if line.get_linestyle() == "--"
+    ]
+    assert edges == [2.0, 4.0]

@@ -9,16 +9,23 @@ from torch import Tensor
 from dashred.core.progress import Report
 from dashred.inference.fit.located_source import LocatedSource
 from dashred.inference.hypotheses.comparison.residual_forcing import ResidualForcing
-from dashred.inference.hypotheses.forcing_map import ForcingMap, build_smooth_map
+from dashred.inference.hypotheses.forcing_map import ForcingMap
 from dashred.inference.hypotheses.hypothesis_fit import (
     REJECTION_MARGIN,
     HypothesisFit,
     by_score,
 )
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN
+from dashred.inference.hypotheses.sensors.excluded_sensors import with_all_samples
 from dashred.inference.hypotheses.sources.courses import Constant
-from dashred.inference.hypotheses.sources.find_source import FoundSource, find_source, rival_score
+from dashred.inference.hypotheses.sources.find_source import (
+    FoundSource,
+    find_source,
+    refit_source,
+    rival_score,
+)
 from dashred.inference.hypotheses.sources.smooth_forcing import (
+    build_smooth_map,
     fit_smooth_forcing,
     linearise_fine_forcing,
 )
@@ -66,15 +73,22 @@ def fit_local_source(
     found = find_source(null.objective, null.phi, forcing, size, candidate_count)
     if found is None:
         return SourceHypothesis()
-    report(
-        0.35, f"a localised source leaves χ²/n {found.fit.chi2 / null.objective.noise.count:.2f}"
-    )
-    located = locate_source(null.objective, found)
+    objective, faulty = null.objective, residual.faulty
+    if faulty:
+        # A source that the forcing does not resolve may have looked like a fault.
+        everything = with_all_samples(objective)
+        whole = refit_source(everything, found, size)
+        if whole.fit.chi2 < MAX_SOURCE_CHI2 * everything.noise.count:
+            objective, found, faulty = everything, whole, ()
+    report(0.35, f"a localised source leaves χ²/n {found.fit.chi2 / objective.noise.count:.2f}")
+    located = locate_source(objective, found)
     if found.score > best.law.score + AMBIGUITY_MARGIN:
         return SourceHypothesis(located)
-    law = fit_source_law(null.objective, found, size)
-    [fit] = residual.add_faults([law])
-    return SourceHypothesis(located, (fit,), _is_clear(residual, found, fit, best))
+    fits = [fit_source_law(objective, found, size)]
+    if faulty:
+        fits = residual.add_faults(fits)
+    leader = min(fits, key=by_score)
+    return SourceHypothesis(located, tuple(fits), _is_clear(residual, found, leader, best))
 
 
 def _is_clear(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from torch import Tensor
@@ -23,6 +24,10 @@ from dashred.inference.hypotheses.sensors.excluded_sensors import (
     refit_forcing_without_sensors,
     refit_simulator_without_sensors,
 )
+from dashred.inference.hypotheses.sources.smooth_forcing import (
+    fit_smooth_forcing,
+    linearise_fine_forcing,
+)
 
 # A law with more terms may imitate a law in a window or beyond the library. A law with just as many
 # may imitate a law beyond the library or a law in a window of the same equations.
@@ -32,6 +37,8 @@ MIN_COEFFICIENT_RATIO = 30.0
 # If a forcing alone leaves this many times the noise of a forcing on the best law, it has lost the
 # recording: it cannot steer chaos over a long record.
 MAX_NOISE_RATIO = 1.2
+# If a coarse forcing leaves a larger χ²/n, a finer one replaces it.
+MAX_COARSE_CHI2 = 1.5
 # If it leaves this many times the noise, its trajectory is not used at all.
 LOST_NOISE_RATIO = 2.0
 
@@ -121,6 +128,7 @@ def _resolve_unclear(
     """Return an unclear case with its forcings, their noise, and the faulty sensors."""
     residual, gain_alone = _with_forcing_alone(residual, tendency_rms)
     forcings, forcing_map = _choose_forcings(residual, gain_alone)
+    forcings = tuple(_finer(forcing) for forcing in forcings)
     faults = find_faults_beside_forcing(forcings[-1]).faults
     faulty = tuple(fault.sensor for fault in faults)
     if faulty:
@@ -137,6 +145,25 @@ def _resolve_unclear(
         forcing_map=forcing_map,
         faulty=faulty,
     )
+
+
+def _finer(forcing: FreeForcing) -> FreeForcing:
+    """Return a smooth forcing on a fine mesh if a coarse one leaves far more than noise.
+
+    Such residuals are correlated in time. An estimate of the noise from them would hide the
+    misfit of any hypothesis, and they would look like a fault of a sensor.
+    """
+    system = forcing.objective.forward_model.simulator.system
+    if not system.axes or _misfit(forcing) < MAX_COARSE_CHI2 or not any(forcing.levels):
+        return forcing
+    smooth = fit_smooth_forcing(linearise_fine_forcing(forcing), forcing.levels).forcing
+    return min(forcing, smooth, key=_misfit)
+
+
+def _misfit(forcing: FreeForcing) -> float:
+    """Return χ²/n of a forcing; infinite if its trajectory blows up."""
+    normal, count = forcing.normal, forcing.objective.noise.count
+    return float(normal.residuals.square().sum()) / count if normal.is_finite else math.inf
 
 
 def _with_forcing_alone(

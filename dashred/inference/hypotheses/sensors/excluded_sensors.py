@@ -91,7 +91,7 @@ def add_faults(fit: HypothesisFit, sensors: tuple[int, ...]) -> HypothesisFit:
 def _add_likeliest_faults(
     fit: HypothesisFit, sensors: tuple[int, ...]
 ) -> tuple[HypothesisFit, ExcludedSensors]:
-    full_problem, phi = _with_all_samples(fit.objective), fit.phi
+    full_problem, phi = with_all_samples(fit.objective), fit.phi
     problem = FaultProblem.at(full_problem, phi, full_problem.linearise(phi))
     block = full_problem.forward_model.sensors
     columns = [column for sensor in sensors for column in block.columns_of(sensor)]
@@ -126,9 +126,9 @@ def add_faults_or_refit(
 
 def _refit_with_all_sensors(fit: HypothesisFit) -> HypothesisFit:
     """Refit a hypothesis that was fitted without some sensors to all sensors."""
-    return refit(fit, _with_all_samples(fit.objective))
+    return refit(fit, with_all_samples(fit.objective))
 
 
-def _with_all_samples(objective: LeastSquaresProblem) -> LeastSquaresProblem:
+def with_all_samples(objective: LeastSquaresProblem) -> LeastSquaresProblem:
     """Return F of all recorded samples."""
     return replace(objective, noise=replace(objective.noise, available=~objective.recorded.isnan()))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 # most periods in it.
 HARMONICS, STEP, FEWEST, MOST = 3, 0.02, 2.0, 40.0
 # Share of the variance that a periodic course has to explain.
-MIN_SHARE = 0.9
+MIN_SHARE = 0.8
 REFINEMENTS = 8
 
 Array = NDArray[np.float64]

@@ -71,18 +71,33 @@ def find_source(
         return None
     [misfit], _ = null.values(null_phi[None])
     count = null.noise.count
-    coarse = LinearisedForcing(forcing.objective, forcing.block, forcing.normal).without_law()
     equations = forcing.equations
-    screened, constant = screen_sources(coarse, equations, candidate_count)
-    if not _is_compact(screened, constant, count):
-        return None
+    if forcing.block.basis.is_nodal:
+        # A coarse mesh costs nothing, because it is linearised already.
+        coarse = LinearisedForcing(forcing.objective, forcing.block, forcing.normal).without_law()
+        if not _is_compact(*screen_sources(coarse, equations, candidate_count), count):
+            return None
     fine = linearise_fine_forcing(forcing).without_law()
     screened, constant = screen_sources(fine, equations, candidate_count)
+    if not _is_compact(screened, constant, count):
+        return None
     bound = screened[0].score + NEAR * (constant - screened[0].score)
     promising = [each for each in screened if each.score < bound]
     fit, penalty = _best_fit(null, forcing.phi[: null.modes], promising, size)
     share = 1 - max(fit.chi2 - count, 0.0) / max(float(misfit) - count, 1.0)
     return FoundSource(fit, penalty, share) if share > MIN_EXPLAINED_SHARE else None
+
+
+def refit_source(null: LeastSquaresProblem, found: FoundSource, size: Tensor) -> FoundSource:
+    """Return a source refitted to other samples.
+
+    Args:
+        null: F of the start alone, with these samples.
+        found: the source.
+        size: rms of each equation's own tendency, ``(equation,)``.
+    """
+    fit = fit_source(null, found.fit.phi, found.fit.source, size)
+    return replace(found, fit=fit)
 
 
 def _best_fit(
@@ -112,8 +127,10 @@ def _penalty_of_one(null: LeastSquaresProblem) -> float:
 
 
 def _is_compact(screened: Sequence[ScreenedSource], constant: float, count: int) -> bool:
-    """Return whether a source explains enough of the misfit beyond noise on a coarse mesh."""
+    """Return whether a source explains enough of the misfit beyond noise on a mesh."""
     least = min(found.score - found.penalty for found in screened)
+    if screened[0].score > constant:
+        return False
     return constant - least > MIN_SCREENED_SHARE * (constant - count) > 0
 
 

@@ -17,6 +17,7 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquat
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.forward.law_block import LawBlock
+from dashred.inference.hypotheses.forcing_map import ForcingMap
 from dashred.inference.hypotheses.free_forcing import (
     ZERO_LEVEL,
     FreeForcing,
@@ -156,6 +157,14 @@ def fit_smooth_forcing(fine: LinearisedForcing, levels: tuple[float, ...]) -> Sm
         objective, smooth.block, fitted.phi, fitted.cost, normal, scaled, equations
     )
     return SmoothForcing(forcing, cells, knots)
+
+
+def build_smooth_map(smooth: SmoothForcing, gain: float) -> ForcingMap:
+    """Return the map of a smooth forcing in cells and at knots."""
+    basis, size = smooth.forcing.block.basis, smooth.forcing.block.size[:, None, None]
+    system = smooth.forcing.objective.forward_model.simulator.system
+    centres = cell_centres(system, len(smooth.cells))
+    return ForcingMap(centres, basis.knots, smooth.amplitudes / size, smooth.stds / size, gain)
 
 
 def _mesh(system: System, samples: int, sensors: int) -> tuple[int, int]:

@@ -17,7 +17,7 @@ from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.hypothesis_fit import STEPS, TOLERANCE, HypothesisFit
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN
 from dashred.inference.hypotheses.sources.course_period import course_period
-from dashred.inference.hypotheses.sources.courses import Onset
+from dashred.inference.hypotheses.sources.courses import Free, Onset
 from dashred.inference.hypotheses.sources.find_source import FoundSource
 from dashred.inference.hypotheses.sources.screening import Source
 from dashred.physics.system import System, Term
@@ -80,7 +80,7 @@ def locate_source(null: LeastSquaresProblem, found: FoundSource) -> LocatedSourc
     begin = source.course.begin if isinstance(source.course, Onset) else None
     clock = torch.linspace(float(times.min()), float(times.max()), REPORTED_TIMES).double()
     rates = _rates(system, source, clock)
-    period = _period(source, course_std, clock, rates)
+    period = _period(source, course_std)
     slopes = _strength_slopes(system, source, clock)
     variance = float(slopes @ fit.covariance[: len(slopes), : len(slopes)] @ slopes)
     return LocatedSource(
@@ -101,16 +101,15 @@ def locate_source(null: LeastSquaresProblem, found: FoundSource) -> LocatedSourc
     )
 
 
-def _period(
-    source: Source, course_std: float | None, times: Tensor, rates: Tensor
-) -> tuple[float, float] | None:
+def _period(source: Source, course_std: float | None) -> tuple[float, float] | None:
     """Return the period of a source and its standard deviation; None if it is not periodic."""
-    period = source.course.period
-    if period is not None and course_std is not None:
-        return period, course_std * period**2 / (2 * math.pi)
-    if source.course.has_form:
+    course = source.course
+    if course.period is not None and course_std is not None:
+        return course.period, course_std * course.period**2 / (2 * math.pi)
+    if not isinstance(course, Free):
         return None
-    return course_period(times.numpy(), rates.numpy())
+    # At the knots, because values between them are not independent.
+    return course_period(course.knots.numpy(), (course.modes @ source.amplitudes).numpy())
 
 
 def _rates(system: System, source: Source, times: Tensor) -> Tensor:
