@@ -30,8 +30,6 @@ KERNEL = numba.void(REAL[:, :, ::1], REAL[:, ::1], REAL, REAL[:, ::1], REAL[:, :
 # Coefficient of a term with a window χ: a + b χ.
 WINDOWED_COEFFICIENT = "a + b * window(x, c, t, w, r, i) if b != 0.0 else a"
 
-NO_CONSTANTS: Mapping[str, int] = {}
-
 # Sums may be reordered and fused; NaN and infinity keep their meaning.
 FAST_MATH = {"contract", "reassoc", "arcp", "nsz"}
 
@@ -74,7 +72,6 @@ def compile_kernel(
     coordinates: Sequence[str],
     factors: Sequence[WindowFactor] = (),
     input_signals: InputSignals = NO_INPUTS,
-    constants: Mapping[str, int] = NO_CONSTANTS,
 ) -> Kernel:
     """Return ``kernel(inputs, coordinates, t, weights, channels)``, which fills the channels.
 
@@ -89,10 +86,8 @@ def compile_kernel(
         coordinates: names of the coordinates, in order; ``t`` is known too.
         factors: the factors of the rows' windows.
         input_signals: the system's inputs.
-        constants: the column of the weights that holds a constant, by its name.
     """
-    known = {name: f"w[r, {column}]" for name, column in constants.items()}
-    known |= {name: f"x[{i}, r, i]" for i, name in enumerate(inputs)}
+    known = {name: f"x[{i}, r, i]" for i, name in enumerate(inputs)}
     known |= {name: f"c[{i}, i]" for i, name in enumerate(coordinates)}
     known["t"] = "t"
     rows = list(enumerate(input_signals.values, 1))

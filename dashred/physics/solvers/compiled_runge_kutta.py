@@ -12,7 +12,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from dashred.physics.backends.constants import Constants
 from dashred.physics.backends.numba_backend import KERNEL, REAL, Array, ChannelTerm, compile_kernel
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.runge_kutta import Tableau
@@ -44,28 +43,13 @@ class CompiledRungeKutta:
         self.system, self.tableau = system, system.tableau
         layout = CoefficientLayout(len(terms), shapes)
         channel = {field: i for i, field in enumerate(system.fields)}
-        constants = Constants()
-        channel_terms = [
-            ChannelTerm(channel[f], constants.take_out(expr), None)
-            for f, expr in system.resolved.items()
-        ]
+        channel_terms = [ChannelTerm(channel[f], expr, None) for f, expr in system.resolved.items()]
         channel_terms += [
-            ChannelTerm(
-                channel[term.equation],
-                constants.take_out(term.expression),
-                j,
-                layout.window_column(j),
-            )
+            ChannelTerm(channel[term.equation], term.expression, j, layout.window_column(j))
             for j, term in enumerate(terms)
         ]
-        self.constants = torch.tensor(constants.values, dtype=torch.float64)
         self.kernel = compile_kernel(
-            channel_terms,
-            list(system.fields),
-            [],
-            layout.factors(),
-            system.input_signals,
-            constants.columns(layout.count),
+            channel_terms, list(system.fields), [], layout.factors(), system.input_signals
         )
 
     def with_step(self, dt: float) -> CompiledRungeKutta:
@@ -94,7 +78,6 @@ class CompiledRungeKutta:
             sampled_forcing = SampledForcing(
                 torch.zeros(0).double(), torch.zeros((len(start), 0, 0)).double()
             )
-        weights = torch.cat([weights, self.constants.expand(len(weights), -1)], dim=1)
         steps = list(schedule(times.tolist(), self.system.dt))
         saved = np.empty((len(times), start.shape[1], len(start), 1))
         saved[0, :, :, 0] = start.numpy().T
