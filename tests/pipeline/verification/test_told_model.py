@@ -32,7 +32,7 @@ system:
   start: {x: 1, p: 0}
   spread: {x: 0.1, p: 0.1}
   integrator: {method: rk4, dt: 0.02}
-splits: {sensors: {test: 1, validate: 1}}
+splits: {sensors: {test: [x3], validate: [p2]}}
 """
 TIMES, SIGMA = 0.05 * np.arange(201), 0.01
 FAR, NEAR = (1.8, -0.9), (1.1, -0.05)
