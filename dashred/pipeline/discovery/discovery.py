@@ -99,12 +99,12 @@ def discover(
     with run.child("discover") as child:
         simulator = exact_simulator(problem, candidates)
         weak = problem.config.discovery.weak
-        followed = None
         if segments is not None and is_explained(segments):
             with stage("fit one trajectory to the record", seconds):
                 objective = build_least_squares(problem, simulator, nominal.start, candidates, weak)
                 followed = follow_segments(objective, segments)
-        if followed is not None:
+            if followed is None:
+                return discover_in_segments(problem, segments, child, seconds)
             guesses, (guess, horizon) = [followed[0]], followed
         else:
             with stage("fit the first guesses", seconds) as report:
@@ -118,10 +118,6 @@ def discover(
                 guess, horizon = fit_from_first_guesses(
                     problem, coarse, candidates, guesses, report
                 )
-            if segments is not None and not horizon.is_complete and is_explained(segments):
-                if problem.deadline("grow the horizon").is_over:
-                    problem.budget.leave_out("all other causes")
-                return discover_in_segments(problem, segments, child, seconds)
         _log_first_guesses(run, child, guesses, guess, horizon)
         objective = build_least_squares(problem, simulator, guess.start, candidates, weak)
         deadline = problem.deadline("select the law")
@@ -186,7 +182,10 @@ def discover(
         forcing_map=comparison.forcing_map,
         source=comparison.source,
     )
-    return with_headline(found, selection.objective, selection.tried)
+    later = replace(selection.objective, deadline=problem.deadline("compare hypotheses"))
+    return problem.budget.attempt(
+        "forecasts of smaller laws", lambda: with_headline(found, later, selection.tried), found
+    )
 
 
 def _log_first_guesses(
