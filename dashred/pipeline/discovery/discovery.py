@@ -182,9 +182,9 @@ def discover(
         forcing_map=comparison.forcing_map,
         source=comparison.source,
     )
-    later = replace(selection.objective, deadline=problem.deadline("compare hypotheses"))
+    timed = replace(selection.objective, deadline=problem.deadline("compare hypotheses"))
     return problem.budget.attempt(
-        "forecasts of smaller laws", lambda: with_headline(found, later, selection.tried), found
+        "forecasts of smaller laws", lambda: with_headline(found, timed, selection.tried), found
     )
 
 
