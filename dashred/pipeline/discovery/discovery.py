@@ -27,7 +27,7 @@ from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline.assimilation import AssimilationResult
 from dashred.pipeline.discovery.first_guess_stage import FittedGuess, fit_first_guesses
-from dashred.pipeline.discovery.headline_law import with_headline
+from dashred.pipeline.discovery.headline_law import headline_law, with_headline
 from dashred.pipeline.discovery.horizon_stage import (
     extend_horizon,
     fit_from_first_guesses,
@@ -138,6 +138,7 @@ def discover(
             selection = replace(selection, objective=replace(selection.objective, deadline=later))
             laws, ranked, nothing, uncorrected = _fit_best(selection)
             report(1.0, str(laws[0]))
+            told = headline_law(selection, laws[0].score)
         with stage("compare hypotheses", seconds) as report:
             seen = replace(selection.objective.noise, available=objective.noise.available)
             deadline = problem.deadline("compare hypotheses")
@@ -182,10 +183,7 @@ def discover(
         forcing_map=comparison.forcing_map,
         source=comparison.source,
     )
-    timed = replace(selection.objective, deadline=problem.deadline("compare hypotheses"))
-    return problem.budget.attempt(
-        "forecasts of smaller laws", lambda: with_headline(found, timed, selection.tried), found
-    )
+    return found if told is None else with_headline(found, told)
 
 
 def _log_first_guesses(

@@ -17,42 +17,42 @@ from dashred.inference.fit.forecast_choice import (
 from dashred.inference.fit.law import Law, build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.fit.stepwise_selection import RefittedSet
+from dashred.inference.fit.stepwise_selection import RefittedSet, Selection
 from dashred.inference.hypotheses.result import Discovery
 
 STEPS, TOLERANCE = 10, 1e-4
 
 
-def with_headline(
-    discovery: Discovery, objective: LeastSquaresProblem, tried: Sequence[RefittedSet]
-) -> Discovery:
-    """Return the discovery with the smallest law that forecasts as well as any of a few terms.
-
-    A law of a few terms, and any law beside another cause, stays as it is.
+def headline_law(selection: Selection, score: float) -> Law | None:
+    """Return the smallest law that forecasts as well as any of a few terms.
 
     Args:
-        discovery: its best law may have many terms.
-        objective: F of all candidates over the whole record.
-        tried: fits of sets of candidates.
+        selection: fits of sets of candidates, the best first.
+        score: of the best law.
+
+    Returns:
+        The law, with that score; None if the best law itself has few terms.
     """
-    best = discovery.best
-    if len(best.candidates) <= MOST_TERMS or discovery.path_index is None:
-        return discovery
-    path = _best_by_size(tried)
-    if not path:
-        return discovery
+    objective, path = selection.objective, _best_by_size(selection.tried)
+    if len(selection.tried[0].members) <= MOST_TERMS or not path:
+        return None
     chosen = path[smallest_sufficient([_forecast(objective, each) for each in path])]
     law = objective.subset(chosen.members)
     fitted = minimise(law, chosen.phi[objective.indices(chosen.members)], STEPS, TOLERANCE)
-    told = build_law(law, fitted, best.score)
-    return told_instead(discovery, told)
+    return build_law(law, fitted, score)
 
 
-def told_instead(discovery: Discovery, told: Law) -> Discovery:
-    """Return the discovery with a part of its best law in the headline."""
+def with_headline(discovery: Discovery, told: Law) -> Discovery:
+    """Return the discovery with a part of its best law in the headline.
+
+    A law of a few terms, and a law in a window or of a source, stays as it is.
+    """
     best = discovery.best
+    if len(best.candidates) <= MOST_TERMS or best.window is not None or best.source is not None:
+        return discovery
     pairs = zip(best.candidates, best.coefficients.tolist(), strict=True)
     supported = tuple(pair for pair in pairs if pair[0].key not in told.keys)
+    told = replace(told, faults=best.faults)
     smaller = [law for law in discovery.laws[1:] if len(law.candidates) <= len(told.candidates)]
     kept = [law for law in smaller if law.keys != told.keys]
     return replace(discovery, laws=[told, *kept], also_supported=supported, free_chi2=told.chi2)
