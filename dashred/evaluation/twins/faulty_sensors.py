@@ -14,6 +14,8 @@ from dashred.data.sensors import Sensor, SystemDescription
 
 # Divisor of the record length that gives the interval between spikes, in samples.
 SPIKE_COUNT = 7
+# A wandering sensor errs by a sine wave of this many periods over the record.
+WANDERING_PERIODS = 1.3
 
 
 class SensorFault(Protocol):
@@ -25,11 +27,11 @@ class SensorFault(Protocol):
 
     @property
     def kind(self) -> str:
-        """``bias``, ``drift``, ``stuck``, ``spikes`` or ``misplaced``."""
+        """A key of :data:`dashred.core.findings.fault_kinds.FAULT_KINDS`."""
 
     @property
     def value(self) -> float:
-        """Size of a bias or spike, rate of a drift, time of getting stuck, or displacement."""
+        """Size of a bias, spike or wandering, rate of a drift, time of getting stuck, or shift."""
 
 
 def autocorrelated_noise(white: NDArray[np.float64], correlation: float) -> NDArray[np.float64]:
@@ -70,4 +72,7 @@ def faulty_readings(
             values[begin:] = values[begin]
         elif fault.kind == "spikes":
             values[len(values) // SPIKE_COUNT :: len(values) // SPIKE_COUNT] += fault.value
+        elif fault.kind == "wandering":
+            share = (times - times[0]) / (times[-1] - times[0])
+            values += fault.value * np.sin(2 * np.pi * WANDERING_PERIODS * share)
     return values

@@ -45,9 +45,9 @@ class SealedFault:
 
     Attributes:
         sensor: its name.
-        kind: ``bias``, ``drift``, ``stuck``, ``spikes`` or ``misplaced``.
-        value: the bias, the drift per unit time, the size of a spike, the displacement, or the
-            time from which a stuck sensor repeats its value.
+        kind: a key of :data:`dashred.core.findings.fault_kinds.FAULT_KINDS`.
+        value: the bias, the drift per unit time, the size of a spike or of a wandering, the
+            displacement, or the time from which a stuck sensor repeats its value.
     """
 
     sensor: str

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 from dashred.config import Config, read_file
 from dashred.config.bundled_systems import CONF, check_checkout
 from dashred.core.errors import InputError
+from dashred.core.findings.fault_kinds import FAULT_KINDS
 from dashred.physics.expressions.parser import number
 
 if TYPE_CHECKING:
     from dashred.evaluation.twins.sealing import Concealed, SealedTerm
 
 KEYS = {"terms", "start", "stated", "parameters", "faults", "spread", "correlation"}
-FAULTS = ("bias", "drift", "stuck", "spikes", "misplaced")
+FAULTS = tuple(FAULT_KINDS)
 STARTS = ("simulator", "own")
 
 

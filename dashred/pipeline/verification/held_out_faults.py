@@ -9,6 +9,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from dashred.data.noise_level import noise_std
 from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.fit.least_squares import LeastSquaresProblem
@@ -106,7 +107,8 @@ def _noise(
 ) -> NoiseModel:
     """Return the noise of all sensors; σ of the others is scaled as that of the fit sensors is."""
     found, fitted = analysis.discovery.noise, len(problem.split.fit.names)
-    stated = problem.noise_of(names)
+    noise = problem.noise | _noise_of_test_sensors(problem)
+    stated = torch.tensor([noise[name] for name in names], dtype=torch.float64)
     ratio = (found.std[:fitted] / stated[:fitted]).median()
     std = torch.cat([found.std[:fitted], ratio * stated[fitted:]])
     correlation = torch.full_like(std, float(found.correlation.max()))
@@ -116,3 +118,11 @@ def _noise(
     for column, name in enumerate(names * episodes):
         available[:, column] &= name not in faulty
     return NoiseModel(std.repeat(episodes), correlation.repeat(episodes), available)
+
+
+def _noise_of_test_sensors(problem: Problem) -> dict[str, float]:
+    """Return σ of every test sensor, stated or estimated from its traces in the fit window."""
+    if not problem.split.test:
+        return {}
+    traces = [e.split.tested.between(float(e.times[0]), e.split.time_end) for e in problem.episodes]
+    return dict(zip(traces[0].names, noise_std(*traces).tolist(), strict=True))

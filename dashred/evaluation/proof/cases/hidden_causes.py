@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from dashred.evaluation.proof.cases.systems import ProofSystem
-from dashred.evaluation.twins.twin_file import FAULTS
 
 # Difficulties of a third of the nulls, in which no physics is missing.
 NUISANCES = ("correlated", "stated", "misplaced")
+# Kinds of sensor faults that are drawn; a fixed list, so that earlier draws stay reproducible.
+FAULTS = ("bias", "drift", "stuck", "spikes", "misplaced")
 
 
 def _terms(proof_system: ProofSystem, rng: np.random.Generator) -> dict[str, Any]:
