@@ -12,7 +12,11 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.free_forcing import FreeForcing
 from dashred.inference.hypotheses.sources.courses import Periodic
-from dashred.inference.hypotheses.sources.screening import ScreenedSource, screen_sources
+from dashred.inference.hypotheses.sources.screening import (
+    WIDEST,
+    ScreenedSource,
+    screen_sources,
+)
 from dashred.inference.hypotheses.sources.smooth_forcing import (
     LinearisedForcing,
     linearise_fine_forcing,
@@ -58,7 +62,7 @@ def find_source(
     size: Tensor,
     candidate_count: int,
 ) -> FoundSource | None:
-    """Return the best source; None if no source explains most of the misfit.
+    """Return the best source; None if no source explains most of the misfit, or if it is wide.
 
     Args:
         null: F of the start alone.
@@ -67,7 +71,8 @@ def find_source(
         size: rms of each equation's own tendency, ``(equation,)``.
         candidate_count: number of terms tried before, for the penalty of the search.
     """
-    if not null.forward_model.simulator.system.axes:
+    system = null.forward_model.simulator.system
+    if not system.axes:
         return None
     [misfit], _ = null.values(null_phi[None])
     count = null.noise.count
@@ -84,6 +89,8 @@ def find_source(
     bound = screened[0].score + NEAR * (constant - screened[0].score)
     promising = [each for each in screened if each.score < bound]
     fit, penalty = _best_fit(null, forcing.phi[: null.modes], promising, size)
+    if fit.source.bump.width > WIDEST * min(axis.length for axis in system.axes):
+        return None
     share = 1 - max(fit.chi2 - count, 0.0) / max(float(misfit) - count, 1.0)
     return FoundSource(fit, penalty, share) if share > MIN_EXPLAINED_SHARE else None
 

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import pytest
-import torch
 
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forcing
@@ -100,11 +99,10 @@ def test_a_constant_in_the_region_rivals_a_source_and_other_terms_do_not(channel
     assert rival_score(everything, steady.found, steady.forcing) < steady.found.score + 60
 
 
-def test_a_uniform_forcing_is_no_localised_source(channel: Channel) -> None:
-    null = channel.objective(channel.recorded([("cos(2*pi*x/10)", 0.1)]))
+@pytest.mark.parametrize("text", ["step(t - 3.1)", "cos(2*pi*x/10)"])
+def test_a_force_everywhere_is_no_localised_source(channel: Channel, text: str) -> None:
+    null = channel.objective(channel.recorded([(text, 0.1)]))
     phi = fitted(null)
     forcing, gain = fit_free_forcing(null, phi, channel.size)
-    found = find_source(null, phi, forcing, channel.size, 4)
     assert gain > 100
-    assert found is None or found.fit.chi2 > 1.5 * null.noise.count
-    assert torch.isfinite(forcing.phi).all()
+    assert find_source(null, phi, forcing, channel.size, 4) is None
