@@ -8,6 +8,8 @@ from typing import Any
 
 from dashred.core.errors import InputError
 
+# Packages whose module has another name.
+PACKAGES = {"pde": "py-pde"}
 HINT = 'pip install "dashred[evaluation]", in a checkout: pip install -e ".[evaluation]"'
 
 
@@ -17,7 +19,8 @@ def check_installed(*modules: str) -> None:
     Raises:
         InputError: one is not installed; the hint names the extra.
     """
-    missing = [module for module in modules if find_spec(module.partition(".")[0]) is None]
+    tops = [module.partition(".")[0] for module in modules]
+    missing = [PACKAGES.get(top, top) for top in tops if find_spec(top) is None]
     if missing:
         verb = "is" if len(missing) == 1 else "are"
         raise InputError(

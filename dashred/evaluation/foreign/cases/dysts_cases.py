@@ -77,9 +77,7 @@ def make_dysts_case(case: Case) -> MadeCase:
             "fields": {name: f"variable {name}" for name in names},
             "equations": _equations(system, left_out),
             "start": {n: float(f"{v:.6g}") for n, v in zip(names, stated, strict=True)},
-            "spread": {
-                n: float(f"{START_ERROR * v:.4g}") for n, v in zip(names, std, strict=True)
-            },
+            "spread": {n: float(f"{START_ERROR * v:.4g}") for n, v in zip(names, std, strict=True)},
             "integrator": {
                 "method": "rk4",
                 "dt": float(f"{times[1] / STEPS_PER_SAMPLE:.6g}"),

@@ -131,7 +131,9 @@ def _read(
     """Return the readings, the sensor that errs, and what it does."""
     fields = list(solver.equation.terms)
     std = states.swapaxes(0, 1).reshape(len(fields), -1).std(axis=1)
-    places = [np.array(coordinate) for coordinate in zip(*[s.position for s in sensors], strict=True)]
+    places = [
+        np.array(coordinate) for coordinate in zip(*[s.position for s in sensors], strict=True)
+    ]
     exact = solver.at(states, *places)
     columns = [fields.index(sensor.field) for sensor in sensors]
     clean = exact[:, columns, range(len(sensors))]

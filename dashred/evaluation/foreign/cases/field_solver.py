@@ -123,7 +123,7 @@ class FieldSolver:
         return self.at(values, *axes).reshape(*values.shape[: -len(shape)], *shape)
 
     def _waves(self, places: Array) -> np.ndarray[Any, np.dtype[np.complex128]]:
-        """Return the weights of the Fourier modes of the cells at some places, ``(place, mode)``."""
+        """Return the weights of the Fourier modes of the cells, ``(place, mode)``."""
         cells, length = self.equation.cells, self.equation.length
         waves = np.fft.fftfreq(cells, 1 / cells)
         from_first = np.asarray(places)[:, None] - length / cells / 2

@@ -108,8 +108,7 @@ def draw_region(
     k, edge = 2 * np.pi / length, REGION_EDGE * length
     inner, slope = np.cos(k * width / 2), k * np.sin(k * width / 2)
     window = (
-        f"0.5*(1 + tanh((cos({k:.12g}*({axis} - {centre:.6g})) - {inner:.6g})"
-        f"/{slope * edge:.6g}))"
+        f"0.5*(1 + tanh((cos({k:.12g}*({axis} - {centre:.6g})) - {inner:.6g})/{slope * edge:.6g}))"
     )
     begin, end = (centre + np.array([-0.5, 0.5]) * width) % length
     return Hidden(

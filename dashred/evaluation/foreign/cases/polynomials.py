@@ -44,7 +44,7 @@ def read_polynomials(
     """Return the polynomial of each equation; None if one is not a polynomial of this degree.
 
     The coefficients are a least-squares fit to values at random states. Values at states that are
-    up to ten times larger test it, so that a function which is only piecewise polynomial is refused.
+    up to ten times larger test it: a function that is only piecewise a polynomial is refused.
 
     Args:
         rhs: tendency of a state ``(variable,)``.
