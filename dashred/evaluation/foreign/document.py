@@ -60,7 +60,7 @@ def document(draws: Sequence[tuple[Draw, list[Row]]]) -> str:
     """Return the page as Markdown."""
     return render(
         TEMPLATE,
-        peers=[f"{title} right" for title in PEERS.values()],
+        peers=["", "n", "dashred", *PEERS.values()],
         draws=[_section(facts, rows) for facts, rows in draws],
     )
 

@@ -136,7 +136,7 @@ class _Runner:
             return row
         wall = time.perf_counter() - began
         if code == DONE:
-            row = score_case(case, made.truth, found)
+            row = score_case(case, made.truth, given, found)
         else:
             problem = last_line(work_dir / LOG) or f"exit code {code}"
             row = empty_row(case, made.truth, problem)

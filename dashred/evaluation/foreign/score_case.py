@@ -8,22 +8,30 @@ from typing import Any
 
 from dashred.core.findings.findings import check_freeze
 from dashred.evaluation.foreign.cases.case import Case, Truth
+from dashred.evaluation.foreign.cases.case_files import read_simulator
 from dashred.evaluation.foreign.rows import Row
 from dashred.evaluation.foreign.scoring.judge import judge
 from dashred.evaluation.proof.cases.descriptions import describe_findings
 from dashred.evaluation.twins.findings_reader import read_findings
-from dashred.evaluation.twins.scoring import system_of
 
 
-def score_case(case: Case, truth: Truth, folder: Path) -> Row:
+def score_case(case: Case, truth: Truth, given: Path, folder: Path) -> Row:
     """Return the row of a case with findings, without its times and its peers.
+
+    The simulator is that of the case: in the findings the fields are in another order.
+
+    Args:
+        case: the case.
+        truth: what was hidden.
+        given: folder of the files of the case.
+        folder: folder of the findings.
 
     Raises:
         InputError: the findings have changed since they were frozen.
     """
     check_freeze(folder)
     findings = read_findings(folder)
-    judged = judge(findings, truth, system_of(findings))
+    judged = judge(findings, truth, read_simulator(given))
     causes = findings["causes"] or []
     answer: Row = {
         **empty_row(case, truth),

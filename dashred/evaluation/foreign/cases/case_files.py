@@ -9,9 +9,11 @@ from typing import Any
 
 import yaml
 
+from dashred.config import load_config
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.findings import write_json_atomic
 from dashred.evaluation.foreign.cases.case import MadeCase, Truth
+from dashred.physics.system import System
 
 CONFIG, RECORDING, SENSORS = "case.yaml", "recording.csv", "sensors.csv"
 
@@ -37,6 +39,12 @@ def write_case(folder: Path, made: MadeCase) -> None:
     ]
     header = ["time", *(sensor.name for sensor in made.sensors)]
     write_text_atomic(folder / RECORDING, _csv([header, *rows]))
+
+
+def read_simulator(folder: Path) -> System:
+    """Return the simulator of a written case, its fields in the order of the truth."""
+    config = load_config([f"conf={folder / CONFIG}"], entry="train")
+    return System(config.system, config.where)
 
 
 def write_truth(path: Path, truth: Truth) -> None:

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import inspect
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dashred.evaluation.foreign.cases.case import Array
-from dashred.evaluation.foreign.cases.polynomials import Polynomial, evaluate, read_polynomials
+from dashred.evaluation.foreign.cases.polynomials import Polynomial, read_polynomials
 from dashred.evaluation.foreign.optional import import_optional
 
 NAMES = "xyzw"
@@ -45,12 +46,18 @@ class PolynomialSystem:
 
     def tendency(self, states: Array) -> Array:
         """Return the tendencies ``(time, variable)`` of states ``(time, variable)``."""
-        zero = np.zeros(len(states))
-        columns = [
-            sum((c * evaluate(monomial, states) for monomial, c in equation.items()), zero)
-            for equation in self.equations
-        ]
-        return np.stack(columns, axis=1)
+        powers, coefficients = self._arrays
+        columns = np.prod(states[:, None, :] ** powers, axis=2)
+        return np.asarray(columns @ coefficients)
+
+    @cached_property
+    def _arrays(self) -> tuple[NDArray[np.int64], Array]:
+        """Powers ``(monomial, variable)`` and coefficients ``(monomial, equation)``."""
+        count = len(self.equations)
+        used = sorted({monomial for equation in self.equations for monomial in equation})
+        powers = np.array([[monomial.count(i) for i in range(count)] for monomial in used])
+        coefficients = [[equation.get(m, 0.0) for equation in self.equations] for m in used]
+        return powers, np.array(coefficients)
 
 
 @cache

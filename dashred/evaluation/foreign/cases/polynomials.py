@@ -58,10 +58,11 @@ def read_polynomials(
     states[tested] *= 10
     try:
         with np.errstate(all="ignore"):
-            values = np.array([np.asarray(rhs(state), dtype=np.float64) for state in states])
-    except (ArithmeticError, TypeError, ValueError):  # roots of negative numbers are complex
+            values = np.array([np.asarray(rhs(state)) for state in states])
+    except (ArithmeticError, TypeError, ValueError):
         return None
-    if not np.isfinite(values).all():
+    # Roots of negative numbers are complex.
+    if np.iscomplexobj(values) or not np.isfinite(values).all():
         return None
     columns = np.stack([evaluate(monomial, states) for monomial in candidates], axis=1)
     coefficients = np.linalg.lstsq(columns[fitted], values[fitted], rcond=None)[0]

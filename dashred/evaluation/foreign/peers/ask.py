@@ -11,15 +11,13 @@ import time
 from pathlib import Path
 from typing import Any
 
-from dashred.config import load_config
 from dashred.core.job_control import last_line
 from dashred.evaluation.foreign.cases.case import Case, MadeCase
-from dashred.evaluation.foreign.cases.case_files import CONFIG, write_case
+from dashred.evaluation.foreign.cases.case_files import read_simulator, write_case
 from dashred.evaluation.foreign.peers.full_state import write_full_state
 from dashred.evaluation.foreign.peers.methods import ASKED, KINDS
 from dashred.evaluation.foreign.rows import PeerRow
 from dashred.evaluation.foreign.scoring.compare_law import is_exact
-from dashred.physics.system import System
 
 LOG = "log.txt"
 
@@ -70,8 +68,7 @@ def _ask(method: str, folder: Path, made: MadeCase, limit: float) -> PeerRow:
 def _is_right(folder: Path, terms: list[dict[str, Any]], made: MadeCase) -> bool:
     if made.truth.kind == "nothing":
         return not terms
-    config = load_config([f"conf={folder / CONFIG}"], entry="train")
-    return is_exact(System(config.system, config.where), terms, made.truth)
+    return is_exact(read_simulator(folder), terms, made.truth)
 
 
 def _told(terms: list[dict[str, Any]]) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from dashred.config import load_config
 from dashred.evaluation.foreign.cases.case import Array
-from dashred.evaluation.foreign.cases.case_files import CONFIG
+from dashred.evaluation.foreign.cases.case_files import CONFIG, read_simulator
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
 
@@ -57,8 +57,7 @@ def write_full_state(folder: Path, times: Array, states: Array, noise: float, se
 
 def read_full_state(folder: Path) -> FullState:
     """Read the states and the simulator of a case."""
-    config = load_config([f"conf={folder / CONFIG}"], entry="train")
-    system = System(config.system, config.where)
+    config, system = load_config([f"conf={folder / CONFIG}"], entry="train"), read_simulator(folder)
     with np.load(folder / FULL) as stored:
         return FullState(
             system,

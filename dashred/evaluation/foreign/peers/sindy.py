@@ -7,6 +7,7 @@ Kutz, Brunton & Brunton, *Ensemble-SINDy* (Proc. R. Soc. A 478, 2022).
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from functools import partial
 from typing import Any
@@ -48,9 +49,11 @@ def weak_sindy(full: FullState) -> list[TermEntry]:
     )
     values, known = _columns(full, full.noisy)
     whole = np.concatenate([values, known], axis=1)
-    weak.fit([whole])
-    [integrals] = weak.transform([whole])
-    rates = np.asarray(weak.convert_u_dot_integral(full.noisy))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # PySINDy labels one axis too many where there is no space
+        weak.fit([whole])
+        [integrals] = weak.transform([whole])
+        rates = np.asarray(weak.convert_u_dot_integral(full.noisy))
     integrals = np.asarray(integrals)
     columns, without = np.split(integrals, [values.shape[1]], axis=1)
     return _law(full, columns, rates - without, lambda threshold: STLSQ(threshold, RIDGE))

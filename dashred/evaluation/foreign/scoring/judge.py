@@ -82,7 +82,9 @@ def _read_law(findings: Mapping[str, Any], truth: Truth, system: System) -> Read
     exact = is_exact(system, findings["terms"] or [], truth)
     same = [a["terms"] for a in findings["alternatives"] or [] if a["same_as_best"]]
     exact = exact or any(is_exact(system, _entries(law), truth) for law in same)
-    beyond = not truth.terms and verdict == "outside-library" and _in_equation(findings, truth)
+    beyond = (
+        not truth.terms and verdict == "outside-library" and _in_equation(findings, truth, system)
+    )
     listed = exact or any(is_exact(system, law, truth) for law in listed_laws(findings)[1:])
     return Reading((exact and verdict in LAWS) or beyond, exact, listed)
 
@@ -125,13 +127,14 @@ def _entries(law: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [{**t, "region": [t["window"]] if t.get("window") else None} for t in law]
 
 
-def _in_equation(findings: Mapping[str, Any], truth: Truth) -> bool:
+def _in_equation(findings: Mapping[str, Any], truth: Truth, system: System) -> bool:
     """Return whether the equation in which most is missing is one that lacks something."""
     where = (findings["where"] or {}).get("equation") or {}
-    fields = list(findings["input"]["config"]["system"]["fields"])
     axes = (0, *range(2, truth.hidden.ndim))
     lacking = np.flatnonzero(np.abs(truth.hidden).max(axis=axes) > 0)
-    return bool(where) and max(where, key=lambda name: where[name]) in [fields[i] for i in lacking]
+    return bool(where) and max(where, key=lambda name: where[name]) in [
+        system.fields[i] for i in lacking
+    ]
 
 
 def _is_located(findings: Mapping[str, Any], truth: Truth, system: System) -> bool:
