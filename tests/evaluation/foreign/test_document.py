@@ -70,7 +70,7 @@ def test_peers_stand_beside_the_same_cases() -> None:
         row("b", outcome="flagged", peers={"weak_sindy": peer(False), "filter": peer(None)}),
         row("c"),
     ]
-    name, asked, ours, weak, _, _, filtered = peer_table(rows)[-1]
+    name, asked, ours, weak, *_, filtered = peer_table(rows)[-1]
     assert (name, asked) == ("all", "2")
     assert ours.startswith("1/2") and weak.startswith("1/2") and filtered.startswith("0/2")
 

@@ -15,6 +15,7 @@ from dashred.core.findings.findings import freeze, write_json_atomic
 from dashred.evaluation.foreign import run
 from dashred.evaluation.foreign.arguments import Request, read_words
 from dashred.evaluation.foreign.cases.case import Case
+from dashred.evaluation.foreign.cases.make import make_case
 from dashred.evaluation.foreign.document import write_document
 from dashred.evaluation.proof.isolation import Worker, WorkerLostError
 from tests.evaluation.foreign.invented import findings_of, term
@@ -70,7 +71,7 @@ def test_a_case_is_made_analysed_frozen_scored_and_stored(tmp_path, analysed_by)
         assert not list((tmp_path / "out").rglob("*dry_friction*"))
         _, rest = (given / "recording.csv").read_text().split("\n", 1)
         assert len(rest.splitlines()) == 401
-        mu = run.make_case(CASE).truth.terms[0].coefficient
+        mu = make_case(CASE).truth.terms[0].coefficient
         return answer("missing-term", [term("v", "sign(v)", mu)])(given, found)
 
     seen = analysed_by(analysis)

@@ -35,10 +35,11 @@ def ask_peers(case: Case, made: MadeCase, limit: float) -> dict[str, PeerRow]:
     with tempfile.TemporaryDirectory(prefix="dashred-peers-") as name:
         folder = Path(name)
         write_case(folder, made)
+        axes = len(made.system.get("axes", {}))
         write_full_state(
             folder, made.truth.times, made.truth.states, case.noise, case.analysis_seed
         )
-        return {method: _ask(method, folder, made, limit) for method in ASKED[case.collection]}
+        return {method: _ask(method, folder, made, limit) for method in ASKED[axes]}
 
 
 def _ask(method: str, folder: Path, made: MadeCase, limit: float) -> PeerRow:

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from dashred.evaluation.foreign.cases.case import Collection, Kind
+from dashred.evaluation.foreign.cases.case import Kind
 
 PEERS: dict[str, str] = {
     "weak_sindy": "PySINDy, weak form, full state",
     "ensemble_sindy": "PySINDy, ensemble, full state",
+    "weak_pde": "PDE-FIND, weak form, full field",
     "pde_find": "PDE-FIND, full field",
     "filter": "ensemble filter with coefficients, sensors",
 }
-_STATES = ("weak_sindy", "ensemble_sindy", "filter")
-ASKED: dict[Collection, tuple[str, ...]] = {
-    "dysts": _STATES,
-    "mechanics": _STATES,
-    "fields": ("pde_find", "filter"),
+# By the number of axes.
+ASKED: dict[int, tuple[str, ...]] = {
+    0: ("weak_sindy", "ensemble_sindy", "filter"),
+    1: ("weak_pde", "pde_find", "filter"),
+    2: ("pde_find", "filter"),
 }
 # They can only name a law, or none.
 KINDS: tuple[Kind, ...] = ("term", "nothing")

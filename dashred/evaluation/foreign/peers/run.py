@@ -26,11 +26,13 @@ def _methods() -> Mapping[str, Callable[[Path], list[TermEntry]]]:
     from dashred.evaluation.foreign.peers.ensemble_filter import filter_with_coefficients
     from dashred.evaluation.foreign.peers.full_field import full_field_pde_find
     from dashred.evaluation.foreign.peers.full_state import read_full_state
+    from dashred.evaluation.foreign.peers.weak_pde import weak_pde
 
     return {
         "weak_sindy": lambda folder: sindy.weak_sindy(read_full_state(folder)),
         "ensemble_sindy": lambda folder: sindy.ensemble_sindy(read_full_state(folder)),
         "pde_find": lambda folder: full_field_pde_find(read_full_state(folder)),
+        "weak_pde": lambda folder: weak_pde(read_full_state(folder)),
         "filter": filter_with_coefficients,
     }
 

@@ -18,6 +18,11 @@ def motion(name: str, duration: float, **values: float):
     return times, *integrate_phases(mechanism.known(given), phases, mechanism.begin, start, times)
 
 
+def values_of(name: str) -> dict[str, float]:
+    """Return all values of a mechanism."""
+    return {**MECHANISMS[name].secret, **MECHANISMS[name].parameters}
+
+
 def test_a_ball_that_falls_and_stays_down() -> None:
     floor = Exit(lambda t, s: s[0], -1, lambda t, s: "down")
     phases = {
@@ -47,7 +52,7 @@ def test_dry_friction_takes_the_same_from_every_half_swing_and_then_sticks() -> 
 
 def test_a_belt_carries_the_mass_until_the_spring_is_stronger() -> None:
     _, states, lacking = motion("stick_slip", 30.0)
-    values = MECHANISMS["stick_slip"].secret | MECHANISMS["stick_slip"].parameters
+    values = values_of("stick_slip")
     assert states[:, 1].max() <= values["V"] + 1e-6
     sticks = np.abs(states[:, 1] - values["V"]) < 1e-9
     assert 0.1 < sticks.mean() < 0.95
@@ -58,7 +63,7 @@ def test_a_belt_carries_the_mass_until_the_spring_is_stronger() -> None:
 
 def test_a_gap_carries_no_force() -> None:
     _, states, lacking = motion("backlash", 30.0, w=1.3)
-    values = MECHANISMS["backlash"].secret | MECHANISMS["backlash"].parameters
+    values = values_of("backlash")
     distance = states[:, 0] - states[:, 1]
     clipped = np.clip(distance, -values["gap"], values["gap"])
     assert 0.05 < (np.abs(distance) < values["gap"]).mean() < 0.95
@@ -74,7 +79,7 @@ def test_drag_is_quadratic_and_opposes() -> None:
 
 def test_hysteresis_lags_and_is_bounded() -> None:
     _, states, lacking = motion("hysteresis", 30.0)
-    values = MECHANISMS["hysteresis"].secret | MECHANISMS["hysteresis"].parameters
+    values = values_of("hysteresis")
     assert np.abs(states[:, 2]).max() <= 1 / (values["beta"] + values["gamma"]) + 1e-6
     extra = values["part"] * values["k"] * (states[:, 0] - states[:, 2])
     np.testing.assert_allclose(lacking[:, 1], extra, atol=1e-9)
