@@ -52,10 +52,14 @@ def print_plan(request: Request, cases: Sequence[Case]) -> None:
     done = {case.name for case in cases if read_row(request.output, case) is not None}
     for case in chosen(request, cases):
         mark = "done" if case.name in done else ""
-        CONSOLE.print(f"{case.name:<48} {KINDS[case.kind]:<24} {mark}".rstrip(), markup=False)
+        CONSOLE.print(
+            f"{case.name:<48} {KINDS[case.kind]:<24} {mark}".rstrip(), markup=False, soft_wrap=True
+        )
     for collection, title in COLLECTIONS.items():
         names = [case.name for case in cases if case.collection == collection]
         kinds = Counter(KINDS[case.kind] for case in cases if case.collection == collection)
         shares = ", ".join(f"{count} {kind}" for kind, count in kinds.items())
         finished = sum(name in done for name in names)
-        CONSOLE.print(f"{title}: {finished} of {len(names)} done ({shares})", markup=False)
+        CONSOLE.print(
+            f"{title}: {finished} of {len(names)} done ({shares})", markup=False, soft_wrap=True
+        )

@@ -18,8 +18,8 @@ from dashred.core.progress import CONSOLE
 from dashred.evaluation.foreign.arguments import Request
 from dashred.evaluation.foreign.cases.case import Case, MadeCase
 from dashred.evaluation.foreign.cases.case_files import CONFIG, write_case, write_truth
-from dashred.evaluation.foreign.cases.make import make_case
 from dashred.evaluation.foreign.draw_file import DRAW, describe_draw
+from dashred.evaluation.foreign.make_case import make_case
 from dashred.evaluation.foreign.peers.ask import ask_peers
 from dashred.evaluation.foreign.plan import chosen
 from dashred.evaluation.foreign.rows import Row, read_row, write_row

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,8 @@ from dashred.core.findings.findings import freeze, write_json_atomic
 from dashred.evaluation.foreign import run
 from dashred.evaluation.foreign.arguments import Request, read_words
 from dashred.evaluation.foreign.cases.case import Case
-from dashred.evaluation.foreign.cases.make import make_case
 from dashred.evaluation.foreign.document import write_document
+from dashred.evaluation.foreign.make_case import make_case
 from dashred.evaluation.proof.isolation import Worker, WorkerLostError
 from tests.evaluation.foreign.invented import findings_of, term
 
@@ -87,6 +88,25 @@ def test_a_case_is_made_analysed_frozen_scored_and_stored(tmp_path, analysed_by)
     # The same command again runs nothing.
     again = run.run_foreign(request(tmp_path), [CASE])
     assert again == [row] and len(seen) == 1
+
+
+def test_several_cases_at_once(tmp_path, analysed_by) -> None:
+    analysed_by(answer("nothing-missing", []))
+    cases = [replace(CASE, kind="nothing", number=number) for number in range(3)]
+    rows = run.run_foreign(replace(request(tmp_path), jobs=2), cases)
+    assert [row["case"] for row in rows] == [case.name for case in cases]
+    assert {row["outcome"] for row in rows} == {"right"}
+
+
+def test_only_the_chosen_cases_are_run_but_the_draw_is_complete(tmp_path, analysed_by) -> None:
+    seen = analysed_by(answer("nothing-missing", []))
+    cases = [replace(CASE, kind="nothing", number=number) for number in range(3)]
+    asked = replace(request(tmp_path), cases=(cases[1].name,))
+    [row] = run.run_foreign(asked, cases)
+    assert row["case"] == cases[1].name and len(seen) == 1
+    write_document(asked)
+    assert "1 of 3 cases are done" in (tmp_path / "page.md").read_text()
+    assert "The draw is incomplete" in (tmp_path / "page.md").read_text()
 
 
 def test_a_definite_verdict_that_is_wrong_is_silently_wrong(tmp_path, analysed_by) -> None:

@@ -6,7 +6,7 @@ collection, and has 320 samples over 10 periods.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -162,19 +162,22 @@ def _measured(system: PolynomialSystem, left_out: LeftOut, rng: np.random.Genera
 def _equations(system: PolynomialSystem, left_out: LeftOut) -> dict[str, str]:
     """Return the equations of the simulator."""
     names = system.variables
-    texts = {}
-    for i, (name, polynomial) in enumerate(zip(names, system.equations, strict=True)):
-        terms = [
-            _product(coefficient, text_of(monomial, names))
+    return {
+        name: _sum(
+            (coefficient, text_of(monomial, names))
             for monomial, coefficient in polynomial.items()
             if (i, monomial) != (left_out.equation, left_out.monomial)
-        ]
-        texts[name] = " + ".join(terms) or "0"
-    return texts
+        )
+        for i, (name, polynomial) in enumerate(zip(names, system.equations, strict=True))
+    }
 
 
-def _product(coefficient: float, term: str) -> str:
-    number = f"{coefficient:.12g}" if coefficient >= 0 else f"({coefficient:.12g})"
-    if term == "1":
-        return number
-    return term if coefficient == 1 else f"{number}*{term}"
+def _sum(terms: Iterable[tuple[float, str]]) -> str:
+    """Return a sum as text: ``28*x - y - x*z``; ``0`` without terms."""
+    text = ""
+    for coefficient, term in terms:
+        sign = "-" if coefficient < 0 else "+"
+        number = f"{abs(coefficient):.12g}"
+        product = number if term == "1" else term if number == "1" else f"{number}*{term}"
+        text += f" {sign} {product}" if text else product if sign == "+" else f"-{product}"
+    return text or "0"

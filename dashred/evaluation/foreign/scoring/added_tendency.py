@@ -32,7 +32,7 @@ def added_tendencies(
             else _term(system, entry, truth)
             for entry in entries
         ]
-    except (InputError, KeyError, ArithmeticError, ValueError):
+    except (InputError, KeyError, ArithmeticError, TypeError, ValueError):
         return None
     return added if all(np.isfinite(each).all() for each in added) else None
 

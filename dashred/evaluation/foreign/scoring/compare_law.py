@@ -42,7 +42,7 @@ def _is_exact_in_region(system: System, entries: Sequence[Mapping[str, Any]], tr
     shape = (len(truth.times), *truth.states.shape[2:])
     true = np.broadcast_to(box_mask(system, system.axes[0].name, truth.region), shape)
     for entry in entries:
-        [told] = [region_mask(system, region, truth) for region in entry["region"]][:1]
+        told = region_mask(system, entry["region"][0], truth)
         if (true * told).sum() < OVERLAP * np.maximum(true, told).sum():
             return False
     both = np.prod(

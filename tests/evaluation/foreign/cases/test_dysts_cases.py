@@ -69,6 +69,18 @@ def test_record_noise_and_start_are_as_promised(monkeypatch) -> None:
     assert case.system["spread"]["x"] == pytest.approx(0.1 * truth.states[:, 0].std(), rel=1e-3)
 
 
+def test_a_simulator_is_written_as_one_would() -> None:
+    left_out = dysts_cases.LeftOut(2, (0, 1), 1.0, 1.0)
+    assert dysts_cases._equations(LORENZ, left_out) == {
+        "x": "-10*x + 10*y",
+        "y": "28*x - y - x*z",
+        "z": "-2.667*z",
+    }
+    alone = PolynomialSystem("alone", ({(): -1.0}, {(): 2.0, (0,): 1.0}), (1, 1), 1.0)
+    none = dysts_cases.LeftOut(0, (), -1.0, 1.0)
+    assert dysts_cases._equations(alone, none) == {"x": "0", "y": "2 + x"}
+
+
 def test_half_of_the_cases_do_not_measure_one_variable() -> None:
     left_out, rng = dysts_cases.LeftOut(2, (0, 1), 1.0, 1.0), np.random.default_rng(0)
     counts = [len(dysts_cases._measured(LORENZ, left_out, rng)) for _ in range(200)]
