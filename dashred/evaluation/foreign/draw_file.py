@@ -72,6 +72,23 @@ def read_draw(output: Path) -> Draw:
     return facts
 
 
+def check_same_draw(output: Path, draw: Draw) -> None:
+    """Check that a folder has no other draw: rows of two draws must not be mixed.
+
+    Raises:
+        InputError: it has.
+    """
+    if not (output / DRAW).is_file():
+        return
+    earlier = read_draw(output)
+    if (earlier["draw"], earlier["cases"]) != (draw["draw"], draw["cases"]):
+        raise InputError(
+            f"this folder has another draw, {earlier['name']}, or one with other noise= or draws=",
+            where=str(output / DRAW),
+            hint="choose another folder: output=DIR",
+        )
+
+
 def _version(package: str) -> str:
     try:
         return version(package)

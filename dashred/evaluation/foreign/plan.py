@@ -13,7 +13,7 @@ from dashred.evaluation.foreign.cases.case import COLLECTIONS, KINDS, Case
 from dashred.evaluation.foreign.cases.dysts_systems import polynomial_systems
 from dashred.evaluation.foreign.optional import check_installed
 from dashred.evaluation.foreign.protocol import draw_cases
-from dashred.evaluation.foreign.rows import read_row
+from dashred.evaluation.foreign.rows import is_done
 
 
 def plan(request: Request) -> list[Case]:
@@ -49,7 +49,7 @@ def chosen(request: Request, cases: Sequence[Case]) -> list[Case]:
 
 def print_plan(request: Request, cases: Sequence[Case]) -> None:
     """Print the cases that the request would run, and how many of each collection are done."""
-    done = {case.name for case in cases if read_row(request.output, case) is not None}
+    done = {case.name for case in cases if is_done(request.output, case)}
     for case in chosen(request, cases):
         mark = "done" if case.name in done else ""
         CONSOLE.print(

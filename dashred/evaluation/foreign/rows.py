@@ -100,6 +100,15 @@ def read_row(output: Path, case: Case) -> Row | None:
     return row if same else None
 
 
+def is_done(output: Path, case: Case) -> bool:
+    """Return whether the analysis of a case has ended, in whatever way.
+
+    A case whose truth or score could not be computed is run again.
+    """
+    row = read_row(output, case)
+    return row is not None and row["seconds"] is not None
+
+
 def read_rows(output: Path) -> list[Row]:
     """Return all rows of a folder, by name."""
     paths = sorted((output / ROWS).glob("*.json"))

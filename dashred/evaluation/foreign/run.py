@@ -18,11 +18,11 @@ from dashred.core.progress import CONSOLE
 from dashred.evaluation.foreign.arguments import Request
 from dashred.evaluation.foreign.cases.case import Case, MadeCase
 from dashred.evaluation.foreign.cases.case_files import CONFIG, write_case, write_truth
-from dashred.evaluation.foreign.draw_file import DRAW, describe_draw
+from dashred.evaluation.foreign.draw_file import DRAW, check_same_draw, describe_draw
 from dashred.evaluation.foreign.make_case import make_case
 from dashred.evaluation.foreign.peers.ask import ask_peers
 from dashred.evaluation.foreign.plan import chosen
-from dashred.evaluation.foreign.rows import Row, read_row, write_row
+from dashred.evaluation.foreign.rows import Row, is_done, read_row, write_row
 from dashred.evaluation.foreign.score_case import empty_row, score_case
 from dashred.evaluation.proof.isolation import Worker, WorkerLostError, isolated_copy, worker
 from dashred.pipeline.run.output_dir import make_output
@@ -42,9 +42,11 @@ def run_foreign(request: Request, cases: Sequence[Case]) -> list[Row]:
     for name in FOLDERS:
         (output / name).mkdir(exist_ok=True)
     with lock_folder(output, "foreign"), signals_as_interrupt():
-        write_json_atomic(output / DRAW, describe_draw(request, cases))
+        draw = describe_draw(request, cases)
+        check_same_draw(output, draw)
+        write_json_atomic(output / DRAW, draw)
         wanted = chosen(request, cases)
-        waiting = [case for case in wanted if read_row(output, case) is None]
+        waiting = [case for case in wanted if not is_done(output, case)]
         done = len(wanted) - len(waiting)
         _print(f"{len(wanted)} of {len(cases)} cases, {done} of them done, in {output}")
         if waiting:

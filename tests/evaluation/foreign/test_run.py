@@ -138,9 +138,20 @@ def test_findings_that_changed_after_they_were_frozen_are_not_scored(tmp_path, a
         (found / "findings.json").write_text((found / "findings.json").read_text() + " ")
         return DONE
 
-    analysed_by(tampering)
+    seen = analysed_by(tampering)
     [row] = run.run_foreign(request(tmp_path), [CASE])
     assert row["outcome"] == "no-answer" and "changed after" in str(row["problem"])
+    run.run_foreign(request(tmp_path), [CASE])
+    assert len(seen) == 2  # that was no failure of the analysis: it is run again
+
+
+def test_rows_of_two_draws_are_not_mixed(tmp_path, analysed_by) -> None:
+    analysed_by(answer("nothing-missing", []))
+    run.run_foreign(request(tmp_path), [CASE])
+    with pytest.raises(InputError, match="another draw, test"):
+        run.run_foreign(replace(request(tmp_path), draw="other"), [CASE])
+    with pytest.raises(InputError, match="another draw, test"):
+        run.run_foreign(request(tmp_path), [CASE, replace(CASE, number=1)])
 
 
 def test_a_truth_that_cannot_be_made_is_a_row_too(tmp_path, analysed_by, monkeypatch) -> None:
