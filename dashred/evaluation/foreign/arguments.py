@@ -134,6 +134,11 @@ class Request:
     output: Path
     document: Path
 
+    @property
+    def folder(self) -> str:
+        """The name as the name of a folder or file."""
+        return folder_name(self.name)
+
 
 COMMAND = Command(
     f"dashred evaluate {BENCHMARK} plan|run|document",
@@ -189,9 +194,14 @@ def read_words(argv: list[str]) -> Request:
         jobs=words.jobs,
         limit=words.limit,
         peer_limit=words.peer_limit,
-        output=words.output or results_root() / BENCHMARK / re.sub(r"[^\w.-]", "_", name)[:40],
+        output=words.output or results_root() / BENCHMARK / folder_name(name),
         document=words.document,
     )
+
+
+def folder_name(name: str) -> str:
+    """Return a tag or text as the name of a folder."""
+    return re.sub(r"[^\w.-]", "_", name)[:40]
 
 
 def _check_choice(what: str, given: str, known: tuple[str, ...]) -> None:

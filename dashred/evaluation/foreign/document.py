@@ -50,7 +50,7 @@ def write_document(request: Request) -> None:
             hint="give the output=DIR of this draw",
         )
     folder = make_output(str(request.document.with_suffix("")))
-    store_draw(folder / f"{request.output.name}.jsonl", facts, read_rows(request.output))
+    store_draw(folder / f"{request.folder}.jsonl", facts, read_rows(request.output))
     stored = [read_stored(path) for path in sorted(folder.glob("*.jsonl"))]
     write_text_atomic(request.document, document(stored))
     CONSOLE.print(f"Document: {request.document}", markup=False, soft_wrap=True)

@@ -32,7 +32,7 @@ ROWS: list[Row] = [row(f"s{i}", outcome=outcome) for i, outcome in enumerate(OUT
 
 def test_outcomes_are_shares_with_wilson_intervals() -> None:
     lines = {line[0]: line[1:] for line in outcome_table(ROWS)}
-    assert lines["all"] == lines["polynomial systems of `dysts`, 2 % noise"]
+    assert lines["all"] == lines["polynomial systems of dysts, 2 % noise"]
     assert lines["all"][0] == "10"
     assert lines["all"][1] == "6/10 = 60 % (31-83 %)"
     assert lines["all"][2].startswith("7/10 = 70 %")
@@ -42,7 +42,7 @@ def test_outcomes_are_shares_with_wilson_intervals() -> None:
 def test_noises_and_kinds_have_lines_of_their_own() -> None:
     rows = [row("a"), row("a", noise=0.05), row("b", collection="fields", kind="source")]
     names = [line[0] for line in outcome_table(rows)]
-    assert "polynomial systems of `dysts`, 5 % noise" in names
+    assert "polynomial systems of dysts, 5 % noise" in names
     assert "fields and mechanics: a localised source" in names and "system: b" in names
 
 

@@ -175,4 +175,4 @@ def test_the_page_is_written_from_the_rows(tmp_path, analysed_by) -> None:
     page = (tmp_path / "page.md").read_text()
     assert "1 of 1 cases are done" in page and "practice draw" in page
     assert "| mechanics-dry\\_friction-2pc-0 |" in page and "silent-wrong" in page
-    assert (tmp_path / "page" / "out.jsonl").is_file()
+    assert (tmp_path / "page" / "test.jsonl").is_file()

@@ -13,8 +13,8 @@ Array = NDArray[np.float64]
 Collection = Literal["dysts", "fields", "mechanics"]
 Kind = Literal["term", "source", "region", "sensor", "nothing"]
 COLLECTIONS: dict[Collection, str] = {
-    "dysts": "polynomial systems of `dysts`",
-    "fields": "fields by `py-pde`",
+    "dysts": "polynomial systems of dysts",
+    "fields": "fields by py-pde",
     "mechanics": "mechanics by SciPy's Radau with events",
 }
 KINDS: dict[Kind, str] = {
