@@ -159,6 +159,13 @@ def proof_words(words: list[str], folder: Path) -> None:
     read_words(["draw=words", *arguments(words)])
 
 
+def foreign_words(words: list[str], folder: Path) -> None:
+    """Read the words of an evaluation; a draw that is named needs no tag."""
+    from dashred.evaluation.foreign.arguments import read_words
+
+    read_words([re.sub(r"^tag=", "draw=", word) for word in words[2:]])
+
+
 Check = Callable[[list[str], Path], None]
 CHEAP: dict[str, Check] = {
     r"make [a-z-]+": make,
@@ -176,6 +183,7 @@ WORDS: dict[str, Check] = {
     r"mlflow (ui|server) .*": mlflow_words,
     r"dashred (bench|compare) systems=.*": bench_words,
     r"dashred prove cases=.*": proof_words,
+    r"dashred evaluate foreign (plan|run|document) tag=.*": foreign_words,
 }
 # What `make test-all` runs to the end, by where it leaves its findings; each takes minutes. Benches
 # and proofs take hours.

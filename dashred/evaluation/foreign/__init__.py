@@ -1,0 +1,1 @@
+"""Cases whose truths are computed by solvers that are not part of dashred."""

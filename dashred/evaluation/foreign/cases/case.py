@@ -1,0 +1,131 @@
+"""A case of the draw, and what its making returns: a recording and the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Collection = Literal["dysts", "fields", "mechanics"]
+Kind = Literal["term", "source", "region", "sensor", "nothing"]
+COLLECTIONS: dict[Collection, str] = {
+    "dysts": "polynomial systems of dysts",
+    "fields": "fields by py-pde",
+    "mechanics": "mechanics by SciPy's Radau with events",
+}
+KINDS: dict[Kind, str] = {
+    "term": "a term is left out",
+    "source": "a localised source",
+    "region": "a term in a region",
+    "sensor": "a sensor errs",
+    "nothing": "nothing is left out",
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """One case of the draw.
+
+    Attributes:
+        collection: where its system is from.
+        system: name of the system in the collection.
+        kind: what is hidden.
+        number: number of the draw of this system, from 0.
+        noise: std of the noise as a share of that of each reading.
+        seed: seed of the draw; all random numbers of the case follow from it and from the name.
+    """
+
+    collection: Collection
+    system: str
+    kind: Kind
+    number: int
+    noise: float
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """Name of the case, and of its files."""
+        return f"{self.collection}-{self.system}-{100 * self.noise:g}pc-{self.number}"
+
+    def stream(self, of: str) -> np.random.Generator:
+        """Return the random stream of one of its draws; the streams are independent."""
+        return np.random.default_rng([self.seed, *self.name.encode(), 0, *of.encode()])
+
+    @property
+    def analysis_seed(self) -> int:
+        """Seed of the analysis; it contains no information about the case."""
+        return int(self.stream("analysis").integers(2**31))
+
+
+@dataclass(frozen=True)
+class TrueTerm:
+    """A hidden term in the equation language."""
+
+    equation: str
+    term: str
+    coefficient: float
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The truth of a case.
+
+    Attributes:
+        kind: what is hidden.
+        says: the same as text.
+        times: of the recording, ``(time,)``.
+        states: without noise, on the simulator's grid, ``(time, field, *grid)``.
+        hidden: tendency that the simulator lacks along `states`, of the same shape.
+        terms: the hidden law, if the equation language expresses it.
+        region: ``(from, to)`` along the first axis; a region across the seam has from > to.
+        period: of a source that pulsates.
+        sensor: the sensor that errs.
+    """
+
+    kind: Kind
+    says: str
+    times: Array
+    states: Array
+    hidden: Array
+    terms: tuple[TrueTerm, ...] = ()
+    region: tuple[float, float] | None = None
+    period: float | None = None
+    sensor: str | None = None
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """One column of the recording.
+
+    Attributes:
+        name: of the column.
+        field: that it reads.
+        position: one coordinate an axis.
+    """
+
+    name: str
+    field: str
+    position: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class MadeCase:
+    """A recording with its simulator and truth.
+
+    Attributes:
+        system: section ``system`` of ``case.yaml``.
+        library: section ``library``; None for the default.
+        sensors: of the recording, one a column.
+        readings: with noise, ``(time, sensor)``.
+        truth: what the analysis never sees.
+    """
+
+    system: Mapping[str, Any]
+    library: Mapping[str, Sequence[str]] | None
+    sensors: tuple[Sensor, ...]
+    readings: Array
+    truth: Truth

@@ -1,0 +1,1 @@
+"""Compare findings with the truth of a case."""

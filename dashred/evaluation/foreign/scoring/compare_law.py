@@ -1,0 +1,98 @@
+"""Compare a reported law with the hidden tendency."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from dashred.evaluation.foreign.cases.case import Array, TrueTerm, Truth
+from dashred.evaluation.foreign.scoring.added_tendency import (
+    added_tendencies,
+    box_mask,
+    region_mask,
+)
+from dashred.physics.expressions import algebra
+from dashred.physics.expressions.algebra import Expr
+from dashred.physics.system import System
+
+# Largest rms of the difference to the hidden tendency, as a share of its rms.
+TOLERANCE = 0.1
+# Smallest intersection over union of a told and a hidden region.
+OVERLAP = 0.5
+
+
+def is_exact(system: System, entries: Sequence[Mapping[str, Any]], truth: Truth) -> bool:
+    """Return whether a law adds the hidden tendency, in each equation, and nothing else.
+
+    An entry is something else if the law without it is as good.
+    """
+    if truth.kind == "region":
+        return _is_exact_in_region(system, entries, truth)
+    parts = added_tendencies(system, entries, truth)
+    return parts is not None and _adds(parts, truth.hidden)
+
+
+def _is_exact_in_region(system: System, entries: Sequence[Mapping[str, Any]], truth: Truth) -> bool:
+    """Return whether a law acts in the hidden region, and as the hidden term where both act."""
+    assert truth.region is not None
+    if not entries or not all(entry.get("region") for entry in entries):
+        return False
+    shape = (len(truth.times), *truth.states.shape[2:])
+    true = np.broadcast_to(box_mask(system, system.axes[0].name, truth.region), shape)
+    for entry in entries:
+        told = region_mask(system, entry["region"][0], truth)
+        if (true * told).sum() < OVERLAP * np.maximum(true, told).sum():
+            return False
+    both = np.prod(
+        [true, *(region_mask(system, r, truth) for e in entries for r in e["region"])], axis=0
+    )
+    parts = added_tendencies(system, entries, truth)
+    if parts is None:
+        return False
+    return _adds([part * both[:, None] for part in parts], truth.hidden * both[:, None])
+
+
+def _adds(parts: Sequence[Array], hidden: Array) -> bool:
+    """Return whether parts ``(time, field, *grid)`` sum up to the hidden tendency, all needed."""
+    total = sum(parts, np.zeros_like(hidden))
+    if not parts or not _near(total, hidden):
+        return False
+    return not any(_near(total - part, hidden) for part in parts)
+
+
+def _near(found: Array, hidden: Array) -> bool:
+    error, size = (np.sqrt(np.mean(v**2, axis=_all_but_field(v))) for v in (found - hidden, hidden))
+    return bool((error <= TOLERANCE * size).all())
+
+
+def _all_but_field(values: Array) -> tuple[int, ...]:
+    return (0, *range(2, values.ndim))
+
+
+def covered(system: System, entries: Sequence[Mapping[str, Any]], truth: Truth) -> list[bool]:
+    """Return for each told term of the true law whether its 95 % interval has the true value."""
+    known: dict[tuple[str, Expr], float] = {}
+    for term in truth.terms:
+        for key, value in _coefficients(system, term):
+            known[key] = known.get(key, 0.0) + value
+    found = []
+    for entry in entries:
+        if entry["equation"] is None or not entry.get("ci95"):
+            continue
+        unit = TrueTerm(str(entry["equation"]), str(entry["term"]), 1.0)
+        summands = list(_coefficients(system, unit))
+        if len(summands) == 1 and summands[0][0] in known:
+            [(key, factor)] = summands
+            low, high = sorted(factor * float(end) for end in entry["ci95"])
+            found.append(low <= known[key] <= high)
+    return found
+
+
+def _coefficients(system: System, term: TrueTerm) -> list[tuple[tuple[str, Expr], float]]:
+    """Return the summands of a term, each by equation and expression, with its coefficient."""
+    parsed = system.resolve(system.parse(term.term, "terms", equation=term.equation), "terms")
+    scaled = algebra.scale(term.coefficient, parsed)
+    split = [algebra.split_coefficient(summand) for summand in algebra.summands(scaled)]
+    return [((term.equation, expression), value) for value, expression in split]

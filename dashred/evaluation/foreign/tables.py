@@ -1,0 +1,134 @@
+"""The tables of the page, each a list of lines of cells."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from statistics import median
+
+from dashred.evaluation.foreign.cases.case import COLLECTIONS, KINDS
+from dashred.evaluation.foreign.peers.methods import PEERS
+from dashred.evaluation.foreign.rows import Row
+from dashred.evaluation.proof.scoring.statistics import Rate, median_of
+
+Rows = Sequence[Row]
+# Bins of the stated probability of the leading cause.
+BINS = ((0.0, 0.9), (0.9, 0.98), (0.98, 1.01))
+
+
+def outcome_table(rows: Rows) -> list[list[str]]:
+    """Return the shares of the outcomes by collection, noise, kind and system."""
+    return [
+        [
+            name,
+            str(len(chosen)),
+            str(_rate(chosen, "right")),
+            str(_rate(chosen, "right", "listed")),
+            *(str(_rate(chosen, each)) for each in ("listed", "flagged")),
+            *(str(_rate(chosen, each)) for each in ("silent-wrong", "no-answer")),
+        ]
+        for name, chosen in _groups(rows)
+    ]
+
+
+def detail_table(rows: Rows) -> list[list[str]]:
+    """Return what was measured beside the outcomes."""
+    nulls, sensors = _of_kind(rows, "nothing"), _of_kind(rows, "sensor")
+    answered = [row for row in nulls if row["verdict"] is not None]
+    lines = [
+        ["sources located: the peak is inside", _located(rows)],
+        ["erring sensors named", str(_rate(sensors, "right"))],
+        [
+            "false alarms where nothing is hidden",
+            str(Rate.of(row["outcome"] != "right" for row in answered)),
+        ],
+        ["95 % intervals that cover", str(Rate.of(c for row in rows for c in row["covered"]))],
+    ]
+    for low, high in BINS:
+        stated = [row for row in rows if low <= _probability(row) < high]
+        name = f"leading cause right, stated probability {low:g} to {min(high, 1):g}"
+        lines.append([name, str(Rate.of(row["leading_right"] for row in stated))])
+    right = [row for row in rows if row["outcome"] == "right" and row["kind"] != "nothing"]
+    for name, values in (
+        ("test sensors", [row["gain_sensors"] for row in right]),
+        ("held-out time", [row["gain_time"] for row in right]),
+    ):
+        middle, count = median_of(values)
+        better = Rate.of(None if value is None else value > 1 for value in values)
+        lines.append(
+            [
+                f"gain at the {name} where the verdict is right: median of {count}, share above 1",
+                "–" if middle is None else f"{middle:.3g}; {better}",
+            ]
+        )
+    return lines
+
+
+def peer_table(rows: Rows) -> list[list[str]]:
+    """Return the share of right answers of each method on the cases that it was asked about."""
+    lines = []
+    for name, chosen in _groups(rows):
+        asked = [row for row in chosen if row["peers"]]
+        if asked:
+            answers = [[row["peers"][p] for row in asked if p in row["peers"]] for p in PEERS]
+            shares = [str(Rate.of(peer["right"] is True for peer in each)) for each in answers]
+            lines.append([name, str(len(asked)), str(_rate(asked, "right")), *shares])
+    return lines
+
+
+def seconds_table(rows: Rows) -> list[list[str]]:
+    """Return the seconds of the analyses by collection and system."""
+    lines = []
+    for name, chosen in _groups(rows):
+        seconds = sorted(row["seconds"] for row in chosen if row["seconds"] is not None)
+        if seconds:
+            figures = (median(seconds), percentile(seconds, 0.95), seconds[-1])
+            lines.append([name, str(len(seconds)), *(f"{value:.3g}" for value in figures)])
+    return lines
+
+
+def percentile(ordered: Sequence[float], share: float) -> float:
+    """Return the smallest of ordered values that this share of them does not exceed."""
+    position = -(-len(ordered) * share // 1)
+    return ordered[max(0, int(position) - 1)]
+
+
+def failure_table(rows: Rows) -> list[list[str]]:
+    """Return a line for each case that is not right."""
+    return [
+        [row["case"], row["hidden"], row["problem"] or row["told"], row["outcome"]]
+        for row in rows
+        if row["outcome"] != "right"
+    ]
+
+
+def _groups(rows: Rows) -> Iterable[tuple[str, list[Row]]]:
+    """Yield the groups of a table that have rows: collections, kinds, and fields by system."""
+    groups: dict[str, list[Row]] = {}
+    for collection, title in COLLECTIONS.items():
+        for noise in sorted({row["noise"] for row in rows}):
+            groups[f"{title}, {100 * noise:g} % noise"] = [
+                row for row in rows if (row["collection"], row["noise"]) == (collection, noise)
+            ]
+    others = [row for row in rows if row["collection"] != "dysts"]
+    for kind, title in KINDS.items():
+        groups[f"fields and mechanics: {title}"] = _of_kind(others, kind)
+    for system in sorted({row["system"] for row in others}):
+        groups[f"system: {system}"] = [row for row in others if row["system"] == system]
+    groups["all"] = list(rows)
+    yield from ((name, chosen) for name, chosen in groups.items() if chosen)
+
+
+def _rate(rows: Rows, *outcomes: str) -> Rate:
+    return Rate.of(row["outcome"] in outcomes for row in rows)
+
+
+def _probability(row: Row) -> float:
+    return -1.0 if row["probability"] is None else row["probability"]
+
+
+def _located(rows: Rows) -> str:
+    return str(Rate.of(row["located"] or False for row in _of_kind(rows, "source")))
+
+
+def _of_kind(rows: Rows, kind: str) -> list[Row]:
+    return [row for row in rows if row["kind"] == kind]

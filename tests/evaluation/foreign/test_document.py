@@ -1,0 +1,105 @@
+"""The page: shares with intervals, every failure, and a section for each draw."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from dashred.core.errors import InputError
+from dashred.evaluation.foreign.document import document, read_stored, store_draw
+from dashred.evaluation.foreign.draw_file import Draw
+from dashred.evaluation.foreign.rows import PeerRow, Row
+from dashred.evaluation.foreign.tables import detail_table, outcome_table, peer_table, percentile
+from tests.evaluation.foreign.invented import row
+
+
+def facts(name: str, cases: int, *, practice: bool = False) -> Draw:
+    return Draw(
+        name=name,
+        draw="0123abcd",
+        practice=practice,
+        cases={"dysts": cases},
+        limit=900,
+        peer_limit=120,
+        versions={"dysts": "0.95"},
+    )
+
+
+OUTCOMES = ["right"] * 6 + ["listed", "flagged", "silent-wrong", "no-answer"]
+ROWS: list[Row] = [row(f"s{i}", outcome=outcome) for i, outcome in enumerate(OUTCOMES)]
+
+
+def test_outcomes_are_shares_with_wilson_intervals() -> None:
+    lines = {line[0]: line[1:] for line in outcome_table(ROWS)}
+    assert lines["all"] == lines["polynomial systems of dysts, 2 % noise"]
+    assert lines["all"][0] == "10"
+    assert lines["all"][1] == "6/10 = 60 % (31-83 %)"
+    assert lines["all"][2].startswith("7/10 = 70 %")
+    assert [cell[:4] for cell in lines["all"][3:]] == ["1/10"] * 4
+
+
+def test_noises_and_kinds_have_lines_of_their_own() -> None:
+    rows = [row("a"), row("a", noise=0.05), row("b", collection="fields", kind="source")]
+    names = [line[0] for line in outcome_table(rows)]
+    assert "polynomial systems of dysts, 5 % noise" in names
+    assert "fields and mechanics: a localised source" in names and "system: b" in names
+
+
+def test_details_count_what_is_asked() -> None:
+    rows = [
+        row("a", kind="source", located=True),
+        row("b", kind="source", located=None, outcome="no-answer"),
+        row("c", kind="nothing", outcome="silent-wrong", verdict="missing-term"),
+        row("d", kind="nothing", outcome="no-answer", verdict=None),
+        row("e", kind="sensor", probability=0.95, leading_right=False, covered=[False, True]),
+    ]
+    lines = dict(detail_table(rows))
+    assert lines["sources located: the peak is inside"].startswith("1/2")
+    assert lines["false alarms where nothing is hidden"].startswith("1/1")
+    assert lines["leading cause right, stated probability 0.9 to 0.98"].startswith("0/1")
+    assert lines["95 % intervals that cover"].startswith("5/6")
+
+
+def test_peers_stand_beside_the_same_cases() -> None:
+    def peer(right: bool | None) -> PeerRow:
+        return PeerRow(right=right, told="", seconds=1.0, problem=None)
+
+    rows = [
+        row("a", peers={"weak_sindy": peer(True), "filter": peer(None)}),
+        row("b", outcome="flagged", peers={"weak_sindy": peer(False), "filter": peer(None)}),
+        row("c"),
+    ]
+    name, asked, ours, weak, *_, filtered = peer_table(rows)[-1]
+    assert (name, asked) == ("all", "2")
+    assert ours.startswith("1/2") and weak.startswith("1/2") and filtered.startswith("0/2")
+
+
+@pytest.mark.parametrize(("count", "expected"), [(1, 0), (20, 18), (100, 94), (40, 37)])
+def test_the_95th_percentile_is_a_measured_value(count: int, expected: int) -> None:
+    assert percentile(range(count), 0.95) == expected
+
+
+def test_every_case_that_is_not_right_is_listed() -> None:
+    page = document([(facts("v1", 10), ROWS)])
+    for each in ROWS:
+        listed = f"| {each['case'].replace('_', chr(92) + '_')} |" in page
+        assert listed == (each["outcome"] != "right")
+    assert "4 of 10 cases are not right" in page
+
+
+def test_later_tags_add_sections_and_an_incomplete_draw_says_so() -> None:
+    page = document([(facts("v1", 10), ROWS), (facts("v2", 12), ROWS)])
+    assert page.index("## Tag v1") < page.index("## Tag v2")
+    assert page.count("The draw is incomplete") == 1
+    assert "practice" not in page.split("## Protocol")[0]
+    assert not re.search(r"\n\n\n", page)
+
+
+def test_stored_rows_are_read_back(tmp_path) -> None:
+    path = tmp_path / "v1.jsonl"
+    store_draw(path, facts("v1", 10), ROWS)
+    assert read_stored(path) == (facts("v1", 10), ROWS)
+    path.write_text(path.read_text()[:-20])
+    with pytest.raises(InputError, match="does not hold the rows"):
+        read_stored(path)
