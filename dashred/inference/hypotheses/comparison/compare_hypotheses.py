@@ -112,7 +112,8 @@ def compare_hypotheses(
         )
         fits += source.fits
     leader = min(fits, key=by_score)
-    is_simple = len(leader.law.candidates) <= MAX_SIMPLE_TERMS
+    # A source is compared with laws in a window as well: a steady one may be a term in a region.
+    is_simple = len(leader.law.candidates) <= MAX_SIMPLE_TERMS and leader.law.source is None
     if leader is not fits[0] and is_simple and leader.law.chi2 < MAX_EXPLAINED_CHI2:
         forcing_gain = 0.0
     elif source.is_clear:
