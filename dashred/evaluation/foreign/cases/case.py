@@ -63,11 +63,19 @@ class Case:
 
 @dataclass(frozen=True)
 class TrueTerm:
-    """A hidden term in the equation language."""
+    """A hidden term in the equation language.
+
+    Attributes:
+        equation: the field whose tendency lacks it.
+        term: the expression.
+        coefficient: of the expression.
+        size: number of products when it is multiplied out.
+    """
 
     equation: str
     term: str
     coefficient: float
+    size: int = 1
 
 
 @dataclass(frozen=True)

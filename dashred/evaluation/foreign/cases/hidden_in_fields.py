@@ -50,7 +50,9 @@ def leave_out(equation: FieldEquation, rng: np.random.Generator) -> Hidden:
         says=f"{effect}: " + ", ".join(f"{name}: {text}" for name, text in removed.items()),
         texts={name: (text,) for name, text in removed.items()},
         removed=removed,
-        terms=tuple(TrueTerm(name, text, 1.0) for name, text in removed.items()),
+        terms=tuple(
+            TrueTerm(name, text, 1.0, 1 + text.count(" + ")) for name, text in removed.items()
+        ),
     )
 
 

@@ -26,8 +26,11 @@ OVERLAP = 0.5
 def is_exact(system: System, entries: Sequence[Mapping[str, Any]], truth: Truth) -> bool:
     """Return whether a law adds the hidden tendency, in each equation, and nothing else.
 
-    An entry is something else if the law without it is as good.
+    An entry is something else if the law without it is as good. A law with more entries than the
+    hidden one has products imitates it.
     """
+    if truth.terms and len(entries) > sum(term.size for term in truth.terms):
+        return False
     if truth.kind == "region":
         return _is_exact_in_region(system, entries, truth)
     parts = added_tendencies(system, entries, truth)

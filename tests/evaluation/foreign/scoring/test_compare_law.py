@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -34,7 +36,8 @@ SQUARE = truth(x=-0.3 * STATES[:, 0] ** 2)
         ([term("y", "x**2", -0.3)], False),
         ([term("x", "x**2", -0.3), term("y", "y", -0.001)], False),
         ([term("x", "x**2", -0.3), term("x", "y", -0.001)], False),
-        ([term("x", "x**2", -0.3), term("x", "x**2", -1.0), term("x", "x**2", 1.0)], True),
+        ([term("x", "x**2", -0.3), term("x", "x**2", -1.0), term("x", "x**2", 1.0)], False),
+        ([term("x", "x**2", -0.15), term("x", "x*abs(x)", -0.15)], False),
         ([term("x", "no_such_name", 1.0)], False),
         ([term("x", "log(x - 5)", 1.0)], False),
         ([], False),
@@ -42,6 +45,19 @@ SQUARE = truth(x=-0.3 * STATES[:, 0] ** 2)
 )
 def test_a_law_of_terms(entries, exact: bool) -> None:
     assert is_exact(SYSTEM, entries, SQUARE) is exact
+
+
+def test_a_product_may_be_told_multiplied_out() -> None:
+    law = (TrueTerm("x", "x*(x + y)", -0.3, 2),)
+    hidden = -0.3 * STATES[:, 0] * STATES.sum(axis=1)
+    told = [term("x", "x**2", -0.3), term("x", "x*y", -0.3)]
+    assert is_exact(SYSTEM, told, replace(truth(x=hidden), terms=law))
+
+
+def test_a_force_without_a_name_may_be_told_by_several_terms() -> None:
+    nameless = replace(SQUARE, terms=())
+    told = [term("x", "x**2", -0.15), term("x", "x*abs(x)", -0.15)]
+    assert is_exact(SYSTEM, told, nameless)
 
 
 def test_a_parameter_that_does_the_same_is_exact() -> None:
