@@ -85,8 +85,19 @@ class Problem:
     budget: Budget = field(default_factory=Budget)
 
     def deadline(self, stage: str) -> Deadline:
-        """Return the time at which a stage ends (:data:`.time_shares.ENDS`)."""
-        return self.budget.deadline(ENDS[stage])
+        """Return the time at which a stage ends (:data:`.time_shares.ENDS`).
+
+        A stage that is not part of an analysis may take the whole time.
+        """
+        return self.budget.deadline(ENDS.get(stage, 1.0))
+
+    def without_budget(self) -> Problem:
+        """Return the problem with as much time as its analysis takes."""
+        others, whole = (
+            tuple(replace(episode, budget=Budget()) for episode in episodes)
+            for episodes in (self.others, self.whole)
+        )
+        return replace(self, budget=Budget(), others=others, whole=whole)
 
     @property
     def episodes(self) -> tuple[Problem, ...]:

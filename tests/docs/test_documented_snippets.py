@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -75,4 +76,4 @@ def test_snapshots_that_are_described_are_checked(
     assert command.main(["conf=burgers.yaml"]) == 0
     said = capsys.readouterr().out
     assert f"{SAMPLES} samples of 8 sensors" in said and f"{MEMBERS} runs" in said
-    assert "About 30 s" in said
+    assert re.search(r"About \d+ s", said)

@@ -74,7 +74,7 @@ def analyse(config: Config) -> None:
 
     assert config.output is not None
     provenance.prepare_torch(config)
-    problem = build_problem(config)
+    problem = build_problem(config).without_budget()
     if problem.others:
         fault = "the baselines read one episode, and the recording has several"
         raise InputError(fault, where=config.recording.path)

@@ -54,10 +54,12 @@ def locate(
     shares = ratios.transpose(0, 1).flatten(1).square().mean(dim=1).sqrt()
     total = float(shares.sum())
     power = ratios.square().sum(dim=1)
+    count = len(discovery.noise.available)
+    old, new = (_padded(each.residuals, count) for each in (discovery.uncorrected, law))
     # Samples that either law leaves out, such as spikes, are not compared.
-    left_out = law.residuals.isnan() | discovery.uncorrected.residuals.isnan()
+    left_out = old.isnan() | new.isnan()
     noise = replace(discovery.noise, available=discovery.noise.available & ~left_out)
-    before, after = noise.whiten(discovery.uncorrected.residuals), noise.whiten(law.residuals)
+    before, after = noise.whiten(old), noise.whiten(new)
     available = noise.available
     source = source_of_discovery(system, discovery, times)
     return Where(
@@ -106,6 +108,12 @@ def _source(source: LocatedSource | None, *, as_terms: bool) -> LocalisedSource 
         rates=list(source.rates),
         as_terms=as_terms,
     )
+
+
+def _padded(residuals: Tensor, count: int) -> Tensor:
+    """Return residuals of the first samples with NaN after them, ``(time, sensor)``."""
+    missing = residuals.new_full((count - len(residuals), residuals.shape[1]), torch.nan)
+    return torch.cat([residuals, missing])
 
 
 def _forcing(system: System, found: ForcingMap | None) -> Forcing | None:

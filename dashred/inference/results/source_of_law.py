@@ -37,7 +37,7 @@ def source_of_discovery(
         axes=(axis.name,),
         place=(axis.wrap(centre),),
         place_std=(law.edges[0],),
-        region=(axis.interval(centre, half),),
+        region=(axis.interval(centre - half, centre + half),),
         period=None,
         period_std=None,
         begin=None,

@@ -75,6 +75,8 @@ class Axis:
         consists of the coordinates above ``begin`` and those below ``end``. On an axis with ends,
         the interval is cut off at the ends.
         """
+        if self.periodic and end - begin >= self.length:
+            return 0.0, self.length
         if self.periodic:
             return begin % self.length, self.length - (-end) % self.length
         turns = self.period * math.floor(((begin + end) / 2 + self.length) / self.period)

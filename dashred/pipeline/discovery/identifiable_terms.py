@@ -32,6 +32,8 @@ def keep_identifiable_terms(problem: Problem, states: Tensor, t: float | Tensor)
         listed = [term for term in library if term not in problem.extensions]
         check_collinear(system, listed, states, t)
     left_out = uninformative_terms(system, library, states, t)
+    if not left_out:
+        return problem
     identifiable = [term for term in library if term not in left_out]
     extensions = tuple(term for term in problem.extensions if term not in left_out)
     return replace(problem.with_library(identifiable), left_out=left_out, extensions=extensions)

@@ -8,15 +8,15 @@ from dashred.physics.grids.grid import Axis
 
 
 @pytest.mark.parametrize(
-    ("centre", "half", "wanted"),
-    [(3.0, 1.0, (2.0, 4.0)), (0.5, 1.0, (9.5, 1.5)), (9.8, 0.5, (9.3, 0.3)),
-     (1.0, 5.0, (0.0, 10.0)), (-0.2, 0.5, (9.3, 0.3))],
+    ("begin", "end", "wanted"),
+    [(2.0, 4.0, (2.0, 4.0)), (-0.5, 1.5, (9.5, 1.5)), (9.3, 10.3, (9.3, 0.3)),
+     (-4.0, 6.0, (0.0, 10.0)), (-0.7, 0.3, (9.3, 0.3))],
 )  # fmt: skip
-def test_an_interval_on_a_ring(centre: float, half: float, wanted: tuple[float, float]) -> None:
-    assert Axis("x", 10.0, 32).interval(centre, half) == pytest.approx(wanted)
+def test_an_interval_on_a_ring(begin: float, end: float, wanted: tuple[float, float]) -> None:
+    assert Axis("x", 10.0, 32).interval(begin, end) == pytest.approx(wanted)
 
 
 def test_an_interval_between_ends() -> None:
     axis = Axis("x", 10.0, 32, "insulated")
-    assert axis.interval(0.5, 1.0) == (0.0, 1.5)
-    assert axis.interval(9.5, 1.0) == (8.5, 10.0)
+    assert axis.interval(-0.5, 1.5) == (0.0, 1.5)
+    assert axis.interval(8.5, 10.5) == (8.5, 10.0)

@@ -77,7 +77,7 @@ def test_a_hopeless_ensemble_is_refused(reaction):
 
 
 def test_more_terms_than_the_library_holds_are_refused(oscillator):
-    with pytest.raises(InputError, match="asks for 99 terms out of 20"):
+    with pytest.raises(InputError, match="asks for 99 terms out of 14"):
         draw(oscillator, 0, terms=99, amplitude=0.1)
 
 
