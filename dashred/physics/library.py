@@ -16,6 +16,7 @@ from dashred.physics.system import System, Term
 
 COLLINEARITY_TOLERANCE = 1e-9
 ANGLE_UNITS = frozenset({"rad", "deg", "°"})
+WAVES = frozenset({"sin", "cos"})
 
 
 def build_library(system: System, listed: Mapping[str, Sequence[str]] | None) -> list[Term]:
@@ -80,7 +81,7 @@ def default_terms(system: System) -> list[str]:
     # An input may act with another strength, or on another equation.
     terms += list(system.inputs)
     if not system.axes:
-        return terms + list(_pointwise(fields, _angles(system)))
+        return terms + list(_pointwise(fields, angles(system)))
     if len(system.axes) == 1:
         return terms + list(_derivatives_on_a_line(fields, system.axes[0].name))
     return terms + list(_derivatives_in_the_plane(fields, [axis.name for axis in system.axes]))
@@ -93,25 +94,25 @@ def _monomials(fields: Sequence[str], degree: int) -> Iterator[str]:
             yield "*".join(factors)
 
 
-def _angles(system: System) -> set[str]:
+def angles(system: System) -> set[str]:
     """Return the fields that are angles: a sine of a length or a concentration means nothing.
 
     A field is an angle if an equation contains its sine or cosine, or if its description or its
     unit says so.
     """
-    waves = [e for expr in system.resolved.values() for e in _calls(expr, {"sin", "cos"})]
+    waves = [e for expr in system.resolved.values() for e in calls(expr, WAVES)]
     found = set().union(*(algebra.names(e) for e in waves))
     stated = {f for f in system.fields if system.units.get(f) in ANGLE_UNITS}
     described = {f for f, text in system.config.fields.items() if "angle" in text.lower()}
     return (found & set(system.fields)) | stated | described
 
 
-def _calls(expr: algebra.Expr, functions: Set[str]) -> Iterator[algebra.Expr]:
+def calls(expr: algebra.Expr, functions: Set[str]) -> Iterator[algebra.Expr]:
     """Yield the calls of some functions within an expression."""
     if isinstance(expr, algebra.Call) and expr.function in functions:
         yield expr
     for child in algebra.children(expr):
-        yield from _calls(child, functions)
+        yield from calls(child, functions)
 
 
 def _pointwise(fields: Sequence[str], angles: Set[str]) -> Iterator[str]:

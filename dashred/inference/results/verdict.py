@@ -140,8 +140,8 @@ def _causes(discovery: Discovery, details: FaultDetails) -> list[Cause]:
     for kind in sorted(probabilities, key=lambda kind: -probabilities[kind]):
         law, probability = best[kind], min(1.0, probabilities[kind])
         causes.append(_cause(kind, probability, law, details))
-        # A law and several faults may all be true; the law comes first.
-        others = law.faults if law.candidates else law.faults[1:]
+        # A law or another start and several faults may all be true; the faults come last.
+        others = law.faults[1:] if kind == "sensor-fault" else law.faults
         for fault in others:
             probability = _probability_of_fault(fault, probable)
             causes.append(_sensor_fault(probability, details(fault)))
@@ -172,10 +172,10 @@ def _outside(discovery: Discovery) -> Cause:
 
 
 def _kind(law: Law) -> Verdict:
-    if law.faults and not law.candidates:
-        return "sensor-fault"
     if law.start_prior_factor > 1:
         return "initial-condition"
+    if law.faults and not law.candidates:
+        return "sensor-fault"
     if not law.candidates:
         return "nothing-missing"
     if law.is_extended:
@@ -187,7 +187,7 @@ def _kind(law: Law) -> Verdict:
 
 def _cause(kind: Verdict, probability: float, law: Law, details: FaultDetails) -> Cause:
     """Return the cause for the best law of a kind."""
-    if law.faults and not law.candidates:
+    if kind == "sensor-fault":
         return _sensor_fault(probability, details(law.faults[0]))
     touched = {term.equation for candidate in law.candidates for term in candidate.terms}
     cause: Cause = {"kind": kind, "probability": probability, "where": None}

@@ -9,8 +9,7 @@ from dataclasses import replace
 import torch
 
 from dashred.core.progress import stage
-from dashred.core.tracking import RunTracker, StageTracker
-from dashred.inference.fit.growing_horizon import HorizonFit
+from dashred.core.tracking import RunTracker
 from dashred.inference.fit.law import Law, build_selected_law
 from dashred.inference.fit.stepwise_selection import (
     RefittedSet,
@@ -26,7 +25,7 @@ from dashred.inference.segments.search import SegmentSearch
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline.assimilation import AssimilationResult
-from dashred.pipeline.discovery.first_guess_stage import FittedGuess, fit_first_guesses
+from dashred.pipeline.discovery.first_guess_stage import fit_first_guesses
 from dashred.pipeline.discovery.headline_law import headline_law, with_headline
 from dashred.pipeline.discovery.horizon_stage import (
     extend_horizon,
@@ -38,7 +37,7 @@ from dashred.pipeline.discovery.hypothesis_stage import (
     is_noise_inflated,
     is_start_explained,
 )
-from dashred.pipeline.discovery.law_metrics import log_best_by_size
+from dashred.pipeline.discovery.law_metrics import log_best_by_size, log_first_guesses
 from dashred.pipeline.discovery.least_squares import (
     build_least_squares,
     coarse_simulator,
@@ -118,7 +117,7 @@ def discover(
                 guess, horizon = fit_from_first_guesses(
                     problem, coarse, candidates, guesses, report
                 )
-        _log_first_guesses(run, child, guesses, guess, horizon)
+        log_first_guesses(run, child, guesses, guess, horizon)
         objective = build_least_squares(problem, simulator, guess.start, candidates, weak)
         deadline = problem.deadline("select the law")
         objective = replace(with_residual_noise(objective, horizon), deadline=deadline)
@@ -138,22 +137,32 @@ def discover(
             selection = replace(selection, objective=replace(selection.objective, deadline=later))
             laws, ranked, nothing, uncorrected = _fit_best(selection)
             report(1.0, str(laws[0]))
-            told = headline_law(selection, laws[0].score)
+            told = problem.budget.attempt(
+                "forecasts of smaller laws",
+                lambda: headline_law(selection, laws[0].score),
+                None,
+            )
+        # Many terms make up for a small model error, which the fit over segments allows for.
+        has_model_error = told is not None and segments is not None and is_explained(segments)
         with stage("compare hypotheses", seconds) as report:
             seen = replace(selection.objective.noise, available=objective.noise.available)
             deadline = problem.deadline("compare hypotheses")
             compared = problem.budget.attempt(
                 "all other causes",
-                lambda: compare_explanations(
-                    problem,
-                    nominal,
-                    replace(objective, noise=seen, deadline=deadline),
-                    horizon.samples,
-                    laws,
-                    ranked,
-                    nothing,
-                    guesses[0],
-                    report,
+                lambda: (
+                    None
+                    if has_model_error
+                    else compare_explanations(
+                        problem,
+                        nominal,
+                        replace(objective, noise=seen, deadline=deadline),
+                        horizon.samples,
+                        laws,
+                        ranked,
+                        nothing,
+                        guesses[0],
+                        report,
+                    )
                 ),
                 None,
             )
@@ -184,21 +193,6 @@ def discover(
         source=comparison.source,
     )
     return found if told is None else with_headline(found, told)
-
-
-def _log_first_guesses(
-    run: RunTracker,
-    child: StageTracker,
-    guesses: Sequence[FittedGuess],
-    guess: FittedGuess,
-    horizon: HorizonFit,
-) -> None:
-    """Log the errors of the first guesses, which of them was used, and the growing horizon."""
-    child.log_metrics({f"seed/{g.name}": g.error for g in guesses if math.isfinite(g.error)}, 0)
-    child.set_tags({"seed of the start": guess.name})
-    for samples, level in horizon.levels:
-        child.log_metrics({"horizon/chi2": level}, samples)
-        run.log_metrics({"horizon/chi2": level}, samples)
 
 
 def _is_explained(problem: Problem, comparison: Comparison) -> bool:

@@ -22,7 +22,8 @@ from dashred.inference.segments.natural_scales import natural_scales
 from dashred.inference.segments.search import SegmentSearch, search_further
 from dashred.inference.segments.set_selection import SegmentLaw
 from dashred.physics.expressions import algebra
-from dashred.physics.library import build_library, default_terms
+from dashred.physics.library import WAVES, angles, build_library, calls, default_terms
+from dashred.physics.system import System
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
 from dashred.pipeline.discovery.segment_search import search_library
 from dashred.pipeline.problem import Problem
@@ -72,7 +73,7 @@ def _extend(
     states, times = nominal.references[0], problem.times
     system, library = problem.system, problem.library
     further = build_extended_candidates(system, library, states, times)
-    further = _distinct(found, further)
+    further = _distinct(found, [c for c in further if not _is_wave_of_no_angle(system, c)])
     if not further or len(found.problem.candidates) + len(further) > MAX_CANDIDATES:
         return problem, found
     again = merge_equivalent(search_further(found, further, _scales(found, further)))
@@ -83,6 +84,13 @@ def _extend(
     terms = extended_terms(system, library)
     chosen = [term for term in terms if f"{term.equation}: {term}" in needed]
     return problem.with_extensions(chosen), again
+
+
+def _is_wave_of_no_angle(system: System, candidate: Candidate) -> bool:
+    """Tell whether a candidate is a sine or cosine of a field that is no angle."""
+    waves = [e for term in candidate.terms for e in calls(term.expression, WAVES)]
+    named = {name for expr in waves for name in algebra.names(expr)}
+    return bool(named & set(system.fields) - angles(system))
 
 
 def _distinct(found: SegmentSearch, further: Sequence[Candidate]) -> list[Candidate]:

@@ -12,7 +12,12 @@ from dashred.inference.hypotheses.comparison.needless_terms import drop_needless
 from dashred.inference.hypotheses.comparison.noise_reestimation import refit_under_noise
 from dashred.inference.hypotheses.comparison.residual_forcing import ResidualForcing
 from dashred.inference.hypotheses.free_forcing import FreeForcing, evidence, fit_free_forcing
-from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, by_score, refit
+from dashred.inference.hypotheses.hypothesis_fit import (
+    REJECTION_MARGIN,
+    HypothesisFit,
+    by_score,
+    refit,
+)
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN
 from dashred.inference.hypotheses.sensors.fault_fits import fit_sensor_hypotheses
 
@@ -39,8 +44,10 @@ def search_faults_beside_best(
     if best.excluded is not None or not same or same[0].law.parts in searched:
         return []
     base = min(same, key=by_score)
-    found = fit_sensor_hypotheses(base, best.law.score)
-    better = [fit for fit in found if fit.law.score < best.law.score]
+    # The modes of a start cannot express every field. What they leave looks like wandering sensors.
+    margin = REJECTION_MARGIN if factor > 1 else 0.0
+    found = fit_sensor_hypotheses(base, best.law.score - margin)
+    better = [fit for fit in found if fit.law.score < best.law.score - margin]
     if not better or not base.law.candidates:
         return better
     [cost], _ = base.objective.values(base.phi[None])
