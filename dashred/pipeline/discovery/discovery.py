@@ -98,12 +98,13 @@ def discover(
     with run.child("discover") as child:
         simulator = exact_simulator(problem, candidates)
         weak = problem.config.discovery.weak
-        if segments is not None and is_explained(segments):
+        explained = segments is not None and is_explained(segments)
+        followed = None
+        if segments is not None and explained:
             with stage("fit one trajectory to the record", seconds):
                 objective = build_least_squares(problem, simulator, nominal.start, candidates, weak)
                 followed = follow_segments(objective, segments)
-            if followed is None:
-                return discover_in_segments(problem, segments, child, seconds)
+        if followed is not None:
             guesses, (guess, horizon) = [followed[0]], followed
         else:
             with stage("fit the first guesses", seconds) as report:
@@ -117,6 +118,8 @@ def discover(
                 guess, horizon = fit_from_first_guesses(
                     problem, coarse, candidates, guesses, report
                 )
+            if segments is not None and explained and not horizon.is_complete:
+                return discover_in_segments(problem, segments, child, seconds)
         log_first_guesses(run, child, guesses, guess, horizon)
         objective = build_least_squares(problem, simulator, guess.start, candidates, weak)
         deadline = problem.deadline("select the law")
@@ -143,7 +146,7 @@ def discover(
                 None,
             )
         # Many terms make up for a small model error, which the fit over segments allows for.
-        has_model_error = told is not None and segments is not None and is_explained(segments)
+        has_model_error = told is not None and explained
         with stage("compare hypotheses", seconds) as report:
             seen = replace(selection.objective.noise, available=objective.noise.available)
             deadline = problem.deadline("compare hypotheses")
