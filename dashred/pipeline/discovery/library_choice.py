@@ -12,6 +12,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from dashred.inference.fit.forecast_choice import MOST_TERMS
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.extended.extended_library import (
     build_extended_candidates,
@@ -34,7 +35,8 @@ EXPLAINED = 1.7
 # Definitions get candidates if the misfit per reading is above this limit, and if it then decreases
 # below this share.
 UNEXPLAINED, GAIN = 5.0, 0.5
-# A law beyond the library has to be better than those of the library by this difference in score.
+# A law beyond the library has to be better than those of the library by this difference in score,
+# and it has to have a few terms: with many more, the function beyond the library explains little.
 # With more candidates than this, no terms are added.
 EXTENSION_GAIN, MAX_CANDIDATES = 10.0, 200
 # A term beyond the library whose cosine with one of the library is larger is nearly proportional.
@@ -78,8 +80,9 @@ def _extend(
         return problem, found
     again = merge_equivalent(search_further(found, further, _scales(found, further)))
     within = next((law for law in again.laws if not _extended(again, law)), None)
-    needed = _extended(again, again.best)
-    if not needed or (within is not None and again.best.score > within.score - EXTENSION_GAIN):
+    needed, count = _extended(again, again.best), len(again.best.members)
+    gains = within is None or again.best.score < within.score - EXTENSION_GAIN
+    if not needed or not gains or count > MOST_TERMS:
         return problem, found
     terms = extended_terms(system, library)
     chosen = [term for term in terms if f"{term.equation}: {term}" in needed]
