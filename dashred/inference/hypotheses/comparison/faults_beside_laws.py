@@ -12,12 +12,7 @@ from dashred.inference.hypotheses.comparison.needless_terms import drop_needless
 from dashred.inference.hypotheses.comparison.noise_reestimation import refit_under_noise
 from dashred.inference.hypotheses.comparison.residual_forcing import ResidualForcing
 from dashred.inference.hypotheses.free_forcing import FreeForcing, evidence, fit_free_forcing
-from dashred.inference.hypotheses.hypothesis_fit import (
-    REJECTION_MARGIN,
-    HypothesisFit,
-    by_score,
-    refit,
-)
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, by_score, refit
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN
 from dashred.inference.hypotheses.sensors.fault_fits import fit_sensor_hypotheses
 
@@ -35,24 +30,26 @@ def search_faults_beside_best(
         searched: parts of the laws beside which faults have been searched under this noise.
     """
     best = min(fits, key=by_score)
-    keys, factor = best.law.keys, best.law.start_prior_factor
-    same = [
-        fit
-        for fit in fits
-        if fit.law.keys == keys and fit.law.start_prior_factor == factor and not fit.law.faults
-    ]
+    keys = best.law.keys
+    same = [fit for fit in fits if fit.law.keys == keys and _is_plain(fit)]
+    # The modes of a start cannot express every field. What they leave looks like wandering sensors.
+    if best.law.start_prior_factor > 1:
+        return []
     if best.excluded is not None or not same or same[0].law.parts in searched:
         return []
     base = min(same, key=by_score)
-    # The modes of a start cannot express every field. What they leave looks like wandering sensors.
-    margin = REJECTION_MARGIN if factor > 1 else 0.0
-    found = fit_sensor_hypotheses(base, best.law.score - margin)
-    better = [fit for fit in found if fit.law.score < best.law.score - margin]
+    found = fit_sensor_hypotheses(base, best.law.score)
+    better = [fit for fit in found if fit.law.score < best.law.score]
     if not better or not base.law.candidates:
         return better
     [cost], _ = base.objective.values(base.phi[None])
     penalty = (base.law.score - float(cost)) / len(base.law.candidates)
     return [*better, *drop_needless_terms(min(better, key=by_score), penalty)]
+
+
+def _is_plain(fit: HypothesisFit) -> bool:
+    """Tell whether a hypothesis has neither faults nor another start."""
+    return not fit.law.faults and fit.law.start_prior_factor == 1
 
 
 def forcing_gain_beside(fit: HypothesisFit, tendency_rms: Tensor) -> float:
