@@ -170,6 +170,9 @@ def discover(
                 None,
             )
             comparison = compared or Comparison(laws, uncorrected, seen, seen, 0.0, None)
+            if is_start_explained(problem, comparison.laws[0]):
+                # A forcing explains what the modes of the start leave in the first samples.
+                comparison = replace(comparison, forcing_gain=0.0, forcing_map=None, source=None)
             report(1.0, str(comparison.laws[0]))
         path = _best_by_size(selection, nothing)
         log_best_by_size(child, path)
