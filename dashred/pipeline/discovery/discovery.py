@@ -34,6 +34,7 @@ from dashred.pipeline.discovery.horizon_stage import (
 )
 from dashred.pipeline.discovery.hypothesis_stage import (
     compare_explanations,
+    forcing_gain_on,
     is_noise_inflated,
     is_start_explained,
 )
@@ -174,6 +175,11 @@ def discover(
                 # A forcing explains what the modes of the start leave in the first samples.
                 comparison = replace(comparison, forcing_gain=0.0, forcing_map=None, source=None)
             report(1.0, str(comparison.laws[0]))
+        is_complete = horizon.is_complete or (
+            compared is not None and _is_explained(problem, compared)
+        )
+        if segments is not None and not is_complete:
+            return discover_in_segments(problem, segments, child, seconds)
         path = _best_by_size(selection, nothing)
         log_best_by_size(child, path)
     part = selection.objective
@@ -185,8 +191,7 @@ def discover(
         first_guesses={g.name: g.error for g in guesses},
         first_guess=guess.name,
         levels=horizon.levels,
-        is_horizon_complete=horizon.is_complete
-        or (compared is not None and _is_explained(problem, compared)),
+        is_horizon_complete=is_complete,
         # If the horizon did not reach the end, its misfit does not hold for the whole record.
         free_chi2=float(free) / part.noise.count
         if horizon.is_complete
@@ -198,7 +203,10 @@ def discover(
         forcing_map=comparison.forcing_map,
         source=comparison.source,
     )
-    return found if told is None else with_headline(found, told)
+    if told is None:
+        return found
+    gain = 0.0 if has_model_error else forcing_gain_on(told, problem, nominal)
+    return with_headline(found, told.law, gain)
 
 
 def _is_explained(problem: Problem, comparison: Comparison) -> bool:

@@ -18,12 +18,13 @@ from dashred.inference.fit.law import Law, build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.stepwise_selection import RefittedSet, Selection
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.result import Discovery
 
 STEPS, TOLERANCE = 10, 1e-4
 
 
-def headline_law(selection: Selection, score: float) -> Law | None:
+def headline_law(selection: Selection, score: float) -> HypothesisFit | None:
     """Return the smallest law that forecasts as well as any of a few terms.
 
     Args:
@@ -31,7 +32,7 @@ def headline_law(selection: Selection, score: float) -> Law | None:
         score: of the best law.
 
     Returns:
-        The law, with that score; None if the best law itself has few terms.
+        The fit of the law, with that score; None if the best law itself has few terms.
     """
     objective, path = selection.objective, _best_by_size(selection.tried)
     if len(selection.tried[0].members) <= MOST_TERMS or not path:
@@ -39,13 +40,18 @@ def headline_law(selection: Selection, score: float) -> Law | None:
     chosen = path[smallest_sufficient([_forecast(objective, each) for each in path])]
     law = objective.subset(chosen.members)
     fitted = minimise(law, chosen.phi[objective.indices(chosen.members)], STEPS, TOLERANCE)
-    return build_law(law, fitted, score)
+    return HypothesisFit(build_law(law, fitted, score), law, fitted.phi)
 
 
-def with_headline(discovery: Discovery, told: Law) -> Discovery:
+def with_headline(discovery: Discovery, told: Law, forcing_gain: float) -> Discovery:
     """Return the discovery with a part of its best law in the headline.
 
     A law of a few terms, and a law in a window or of a source, stays as it is.
+
+    Args:
+        discovery: its best law may have many terms.
+        told: the law of a few terms.
+        forcing_gain: evidence for a free forcing on top of it.
     """
     best = discovery.best
     if len(best.candidates) <= MOST_TERMS or best.window is not None or best.source is not None:
@@ -55,7 +61,13 @@ def with_headline(discovery: Discovery, told: Law) -> Discovery:
     told = replace(told, faults=best.faults)
     smaller = [law for law in discovery.laws[1:] if len(law.candidates) <= len(told.candidates)]
     kept = [law for law in smaller if law.keys != told.keys]
-    return replace(discovery, laws=[told, *kept], also_supported=supported, free_chi2=told.chi2)
+    return replace(
+        discovery,
+        laws=[told, *kept],
+        also_supported=supported,
+        free_chi2=told.chi2,
+        forcing_gain=forcing_gain,
+    )
 
 
 def _best_by_size(tried: Sequence[RefittedSet]) -> list[RefittedSet]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from torch import Tensor
 
+from dashred.core.budget import NEVER
 from dashred.core.progress import Report
 from dashred.inference.fit.law import Law, build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
@@ -19,6 +20,7 @@ from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.comparison.compare_hypotheses import compare_hypotheses
 from dashred.inference.hypotheses.comparison.comparison import Additions, Comparison
 from dashred.inference.hypotheses.extended.extended_library import build_extended_candidates
+from dashred.inference.hypotheses.free_forcing import fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN
 from dashred.physics.library import evaluate_terms
@@ -143,6 +145,13 @@ def is_noise_inflated(problem: Problem, noise: NoiseModel) -> bool:
     is_stated = all(sensor.std is not None for sensor in problem.split.fit.sensors)
     ratio = float((noise.std / fit_noise(problem).std).median())
     return is_stated and ratio > MAX_NOISE_RATIO
+
+
+def forcing_gain_on(fit: HypothesisFit, problem: Problem, nominal: NominalRun) -> float:
+    """Return the evidence for a free forcing on top of a law."""
+    size = _tendency_size(problem.system, nominal.references[0], problem.times)
+    objective = replace(fit.objective, deadline=NEVER)
+    return fit_free_forcing(objective, fit.phi, size)[1]
 
 
 def is_start_explained(problem: Problem, law: Law) -> bool:
