@@ -20,7 +20,7 @@ from dashred.inference.fit.stepwise_selection import (
 )
 from dashred.inference.forward.candidates import Candidate, build_candidates, indices_by_name
 from dashred.inference.hypotheses.comparison.comparison import Comparison
-from dashred.inference.hypotheses.result import MIN_FORCING_GAIN, BestOfSize, Discovery
+from dashred.inference.hypotheses.result import BestOfSize, Discovery
 from dashred.inference.segments.search import SegmentSearch
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
@@ -35,7 +35,7 @@ from dashred.pipeline.discovery.horizon_stage import (
 from dashred.pipeline.discovery.hypothesis_stage import (
     compare_explanations,
     forcing_gain_on,
-    is_noise_inflated,
+    is_record_explained,
     is_start_explained,
 )
 from dashred.pipeline.discovery.law_metrics import log_best_by_size, log_first_guesses
@@ -176,7 +176,7 @@ def discover(
                 comparison = replace(comparison, forcing_gain=0.0, forcing_map=None, source=None)
             report(1.0, str(comparison.laws[0]))
         is_complete = horizon.is_complete or (
-            compared is not None and _is_explained(problem, compared)
+            compared is not None and is_record_explained(problem, compared)
         )
         if segments is not None and not is_complete:
             return discover_in_segments(problem, segments, child, seconds)
@@ -205,30 +205,10 @@ def discover(
     )
     if told is None:
         return found
-    gain = 0.0 if has_model_error else forcing_gain_on(told, problem, nominal)
-    return with_headline(found, told.law, gain)
-
-
-def _is_explained(problem: Problem, comparison: Comparison) -> bool:
-    """Return whether the best hypothesis, or a free forcing, explains the whole record.
-
-    This is used if the horizon did not reach the end of the record. The residuals must be noise. In
-    addition the hypothesis must be a local law, a source, a sensor fault or another start, or a
-    free forcing must not improve the fit. If no hypothesis explains the record, but a free forcing
-    does, then the simulator lacks an effect that the library does not express.
-    """
-    if comparison.forcing_gain > MIN_FORCING_GAIN and comparison.forcing_map is not None:
-        return not is_noise_inflated(problem, comparison.forced_noise)
-    best = comparison.laws[0]
-    if is_noise_inflated(problem, comparison.noise) and not is_start_explained(problem, best):
-        return False
-    has_other_cause = (
-        best.window is not None
-        or best.source is not None
-        or best.faults
-        or best.start_prior_factor > 1
-    )
-    return bool(has_other_cause) or comparison.forcing_gain <= MIN_FORCING_GAIN
+    gain = 0.0
+    if not has_model_error:
+        gain = max(told.further_gain, forcing_gain_on(told.fit, problem, nominal))
+    return with_headline(found, told.fit.law, gain)
 
 
 def _proposals(

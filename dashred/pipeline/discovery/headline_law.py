@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from torch import Tensor
 
@@ -17,14 +17,27 @@ from dashred.inference.fit.forecast_choice import (
 from dashred.inference.fit.law import Law, build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.fit.stepwise_selection import RefittedSet, Selection
+from dashred.inference.fit.stepwise_selection import RefittedSet, Selection, term_penalty
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.result import Discovery
 
 STEPS, TOLERANCE = 10, 1e-4
 
 
-def headline_law(selection: Selection, score: float) -> HypothesisFit | None:
+@dataclass(frozen=True)
+class Headline:
+    """The law of a few terms in place of one of many.
+
+    Attributes:
+        fit: its fit.
+        further_gain: evidence that the other terms of the larger law gain.
+    """
+
+    fit: HypothesisFit
+    further_gain: float
+
+
+def headline_law(selection: Selection, score: float) -> Headline | None:
     """Return the smallest law that forecasts as well as any of a few terms.
 
     Args:
@@ -32,7 +45,7 @@ def headline_law(selection: Selection, score: float) -> HypothesisFit | None:
         score: of the best law.
 
     Returns:
-        The fit of the law, with that score; None if the best law itself has few terms.
+        The law, with that score; None if the best law itself has few terms.
     """
     objective, path = selection.objective, _best_by_size(selection.tried)
     if len(selection.tried[0].members) <= MOST_TERMS or not path:
@@ -40,7 +53,9 @@ def headline_law(selection: Selection, score: float) -> HypothesisFit | None:
     chosen = path[smallest_sufficient([_forecast(objective, each) for each in path])]
     law = objective.subset(chosen.members)
     fitted = minimise(law, chosen.phi[objective.indices(chosen.members)], STEPS, TOLERANCE)
-    return HypothesisFit(build_law(law, fitted, score), law, fitted.phi)
+    own_score = fitted.cost + term_penalty(objective) * len(chosen.members)
+    told = HypothesisFit(build_law(law, fitted, score), law, fitted.phi)
+    return Headline(told, own_score - selection.tried[0].score)
 
 
 def with_headline(discovery: Discovery, told: Law, forcing_gain: float) -> Discovery:
@@ -51,7 +66,7 @@ def with_headline(discovery: Discovery, told: Law, forcing_gain: float) -> Disco
     Args:
         discovery: its best law may have many terms.
         told: the law of a few terms.
-        forcing_gain: evidence for a free forcing on top of it.
+        forcing_gain: evidence for what it leaves unexplained.
     """
     best = discovery.best
     if len(best.candidates) <= MOST_TERMS or best.window is not None or best.source is not None:

@@ -22,7 +22,7 @@ from dashred.inference.hypotheses.comparison.comparison import Additions, Compar
 from dashred.inference.hypotheses.extended.extended_library import build_extended_candidates
 from dashred.inference.hypotheses.free_forcing import fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
-from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN
+from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN, MIN_FORCING_GAIN
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.physics.window import window_shapes
@@ -152,6 +152,28 @@ def forcing_gain_on(fit: HypothesisFit, problem: Problem, nominal: NominalRun) -
     size = _tendency_size(problem.system, nominal.references[0], problem.times)
     objective = replace(fit.objective, deadline=NEVER)
     return fit_free_forcing(objective, fit.phi, size)[1]
+
+
+def is_record_explained(problem: Problem, comparison: Comparison) -> bool:
+    """Return whether the best hypothesis, or a free forcing, explains the whole record.
+
+    This is used if the horizon did not reach the end of the record. The residuals must be noise. In
+    addition the hypothesis must be a local law, a source, a sensor fault or another start, or a
+    free forcing must not improve the fit. If no hypothesis explains the record, but a free forcing
+    does, then the simulator lacks an effect that the library does not express.
+    """
+    if comparison.forcing_gain > MIN_FORCING_GAIN and comparison.forcing_map is not None:
+        return not is_noise_inflated(problem, comparison.forced_noise)
+    best = comparison.laws[0]
+    if is_noise_inflated(problem, comparison.noise) and not is_start_explained(problem, best):
+        return False
+    has_other_cause = (
+        best.window is not None
+        or best.source is not None
+        or best.faults
+        or best.start_prior_factor > 1
+    )
+    return bool(has_other_cause) or comparison.forcing_gain <= MIN_FORCING_GAIN
 
 
 def is_start_explained(problem: Problem, law: Law) -> bool:

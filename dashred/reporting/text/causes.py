@@ -47,7 +47,7 @@ def cause_text(cause: Cause, units: Mapping[str, str] = NO_UNITS) -> str | None:
             return _mismatch(cause)
         case "outside-library" if "gain" in cause:
             return (
-                f"a free forcing added to the best law gains {cause['gain']:.3g} in evidence; no "
+                f"what the best law leaves unexplained gains {cause['gain']:.3g} in evidence; no "
                 "law of the library expresses what is missing, and the given terms are the nearest"
             )
         case "outside-library" if "source" in cause:
