@@ -18,6 +18,7 @@ from dashred.inference.forward.candidates import Candidate
 from dashred.inference.segments.gauss_newton import NodeFit, fit_nodes
 from dashred.inference.segments.natural_scales import NaturalScales
 from dashred.inference.segments.set_selection import REFITTED, SegmentLaw, select
+from dashred.inference.segments.state_sensors import SensorError
 from dashred.inference.segments.weak_constraint import Point, WeakConstraintProblem
 
 # Model error q, in units of rate · duration of a segment, and the prior of the coefficients, in
@@ -125,6 +126,28 @@ def search_further(
     )
     begin = Point(point.nodes, np.concatenate([point.xi, np.zeros(len(candidates))]))
     earlier = [law.members for law in found.laws[:REFITTED]]
+    return SegmentSearch(problem, natural, select(problem, problem, begin, earlier))
+
+
+def search_sensor_errors(found: SegmentSearch, errors: Sequence[SensorError]) -> SegmentSearch:
+    """Return the laws with possible sensor errors, selected about the best law of a search.
+
+    Args:
+        found: the earlier search, without sensor errors.
+        errors: possible errors.
+    """
+    before, point, count = found.problem, found.best.fit.point, len(errors)
+    scales = np.array([error.scale for error in errors])
+    problem = replace(
+        before,
+        errors=tuple(errors),
+        prior_std=np.concatenate([PRIOR * scales, before.prior_std]),
+    )
+    natural = replace(
+        found.natural, coefficient=np.concatenate([scales, found.natural.coefficient])
+    )
+    begin = Point(point.nodes, np.concatenate([np.zeros(count), point.xi]))
+    earlier = [tuple(j + count for j in law.members) for law in found.laws[:REFITTED]]
     return SegmentSearch(problem, natural, select(problem, problem, begin, earlier))
 
 

@@ -20,8 +20,9 @@ from dashred.inference.hypotheses.extended.extended_library import (
 )
 from dashred.inference.segments.equivalent_laws import merge_equivalent
 from dashred.inference.segments.natural_scales import natural_scales
-from dashred.inference.segments.search import SegmentSearch, search_further
+from dashred.inference.segments.search import SegmentSearch, search_further, search_sensor_errors
 from dashred.inference.segments.set_selection import SegmentLaw
+from dashred.inference.segments.state_sensors import possible_errors
 from dashred.physics.expressions import algebra
 from dashred.physics.library import WAVES, angles, build_library, calls, default_terms
 from dashred.physics.system import System
@@ -30,6 +31,8 @@ from dashred.pipeline.discovery.segment_search import search_library
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation import NominalRun
 
+# Sensor errors are searched beside laws of more terms, or if the record is not explained.
+SIMPLE_TERMS = 2
 # The law explains the record if its misfit per reading is below this limit.
 EXPLAINED = 1.7
 # Definitions get candidates if the misfit per reading is above this limit, and if it then decreases
@@ -60,7 +63,22 @@ def search_libraries(problem: Problem, nominal: NominalRun) -> tuple[Problem, Se
             again = search_library(wider, nominal)
             if again is not None and (found is None or again.level < GAIN * found.level):
                 problem, found = wider, again
-    return (problem, None) if found is None else _extend(problem, nominal, found)
+    if found is None:
+        return problem, None
+    return _extend(problem, nominal, _with_sensor_errors(found))
+
+
+def _with_sensor_errors(found: SegmentSearch) -> SegmentSearch:
+    """Return the search with sensor errors, if a law of a few terms does not explain the record."""
+    if is_explained(found) and len(found.best.members) <= SIMPLE_TERMS:
+        return found
+    errors = possible_errors(found.problem.segments)
+    if not errors:
+        return found
+    again = merge_equivalent(search_sensor_errors(found, errors))
+    exact = [law for law in again.laws if all(j >= len(errors) for j in law.members)]
+    is_better = not exact or again.best.score < exact[0].score - EXTENSION_GAIN
+    return again if is_better else found
 
 
 def is_explained(found: SegmentSearch) -> bool:

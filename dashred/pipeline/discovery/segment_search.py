@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +11,6 @@ from dashred.inference.forward.candidates import Candidate, build_candidates
 from dashred.inference.segments.equivalent_laws import merge_equivalent
 from dashred.inference.segments.natural_scales import natural_scales
 from dashred.inference.segments.search import SegmentSearch, search
-from dashred.inference.segments.state_sensors import possible_errors
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 from dashred.physics.tangents.ode_tangents import has_ode_tangents
 from dashred.pipeline.problem import Problem
@@ -79,9 +77,6 @@ def _search_record(
     scales = natural_scales(
         record.simulator, record.sensors, candidates, record.guesses[-1], record.size
     )
-    errors = possible_errors(record.simulator.segments)
-    sizes = np.array([error.scale for error in errors])
-    scales = replace(scales, coefficient=np.concatenate([sizes, scales.coefficient]))
     weak = WeakConstraintProblem(
         simulator=record.simulator,
         sensors=record.sensors,
@@ -91,7 +86,6 @@ def _search_record(
         start_mean=record.start_mean,
         start_std=START_FACTOR * record.start_std,
         prior_std=scales.coefficient,
-        errors=tuple(errors),
         deadline=deadline,
     )
     found = search(weak, record.guesses, scales)
