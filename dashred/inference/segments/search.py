@@ -115,18 +115,9 @@ def search_further(
         candidates: further candidates.
         scales: their natural scales, ``(candidate,)``.
     """
-    before, point = found.problem, found.best.fit.point
-    problem = replace(
-        before,
-        candidates=(*before.candidates, *candidates),
-        prior_std=np.concatenate([before.prior_std, PRIOR * scales]),
-    )
-    natural = replace(
-        found.natural, coefficient=np.concatenate([found.natural.coefficient, scales])
-    )
-    begin = Point(point.nodes, np.concatenate([point.xi, np.zeros(len(candidates))]))
-    earlier = [law.members for law in found.laws[:REFITTED]]
-    return SegmentSearch(problem, natural, select(problem, problem, begin, earlier))
+    known = found.problem.candidates
+    problem = replace(found.problem, candidates=(*known, *candidates))
+    return _search_again(found, problem, scales, found.problem.count)
 
 
 def search_sensor_errors(found: SegmentSearch, errors: Sequence[SensorError]) -> SegmentSearch:
@@ -136,18 +127,32 @@ def search_sensor_errors(found: SegmentSearch, errors: Sequence[SensorError]) ->
         found: the earlier search, without sensor errors.
         errors: possible errors.
     """
-    before, point, count = found.problem, found.best.fit.point, len(errors)
-    scales = np.array([error.scale for error in errors])
-    problem = replace(
-        before,
-        errors=tuple(errors),
-        prior_std=np.concatenate([PRIOR * scales, before.prior_std]),
-    )
-    natural = replace(
-        found.natural, coefficient=np.concatenate([scales, found.natural.coefficient])
-    )
-    begin = Point(point.nodes, np.concatenate([np.zeros(count), point.xi]))
-    earlier = [tuple(j + count for j in law.members) for law in found.laws[:REFITTED]]
+    problem = replace(found.problem, errors=tuple(errors))
+    return _search_again(found, problem, np.array([error.scale for error in errors]), 0)
+
+
+def _search_again(
+    found: SegmentSearch, problem: WeakConstraintProblem, scales: np.ndarray, place: int
+) -> SegmentSearch:
+    """Select about the best law of a search, with more coefficients.
+
+    Args:
+        found: the earlier search.
+        problem: F with the further coefficients, and with the prior of the earlier ones alone.
+        scales: natural scales of the further coefficients.
+        place: index of the first of them.
+    """
+
+    def widened(values: np.ndarray, further: np.ndarray) -> np.ndarray:
+        return np.concatenate([values[:place], further, values[place:]])
+
+    count, point = len(scales), found.best.fit.point
+    problem = replace(problem, prior_std=widened(problem.prior_std, PRIOR * scales))
+    natural = replace(found.natural, coefficient=widened(found.natural.coefficient, scales))
+    begin = Point(point.nodes, widened(point.xi, np.zeros(count)))
+    earlier = [
+        tuple(j + count if j >= place else j for j in law.members) for law in found.laws[:REFITTED]
+    ]
     return SegmentSearch(problem, natural, select(problem, problem, begin, earlier))
 
 

@@ -63,7 +63,6 @@ def select(
     """
     fits: dict[Set, NodeFit] = {}
     _refit_all(problem, point, [(), *proposals], fits)
-    extended = problem.is_extended
     about, winner = loose, None
     for _ in range(ROUNDS):
         if problem.deadline.is_over:
@@ -83,7 +82,7 @@ def select(
             break
         point, about, winner = best.fit.point, problem, best.members
     best = _ranked(problem, fits)[0]
-    small = _small_sets(problem, best, extended) if len(best.members) > LARGEST else []
+    small = _small_sets(problem, best) if len(best.members) > LARGEST else []
     _refit_all(problem, best.fit.point, [(), *proposals, *small], fits)
     return _ranked(problem, fits)
 
@@ -107,14 +106,12 @@ def _promising(
     return [s for s in ranked if s not in fits or costs[s] < fits[s].cost - STUCK * level]
 
 
-def _small_sets(
-    problem: WeakConstraintProblem, best: SegmentLaw, extended: Sequence[bool]
-) -> list[Set]:
+def _small_sets(problem: WeakConstraintProblem, best: SegmentLaw) -> list[Set]:
     """Return promising sets of a few candidates, linearised about a law of many."""
     profiled = profile(problem, best.fit.point)
     if profiled is None:
         return []
-    sizes = beam_search(profiled, extended)[1:]
+    sizes = beam_search(profiled, problem.is_extended)[1:]
     return [members for found in sizes for members in list(found)[:SMALL_SETS]]
 
 

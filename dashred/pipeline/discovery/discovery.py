@@ -83,8 +83,8 @@ def discover(
         ensemble: simulations from which first guesses are made.
         network: SHRED, with its errors on test members.
         assimilated: reconstructed fields and the terms that latent SINDy proposes.
-        segments: laws found over segments, which are returned if no first guess can be followed to
-            the end of the record and they explain it; None if there are none.
+        segments: laws found over segments, which are returned if no trajectory reaches the end of
+            the record and no other cause explains it; None if there are none.
         run: tracker of the parent run.
         seconds: run time by stage, updated.
     """
@@ -151,12 +151,11 @@ def discover(
         with stage("compare hypotheses", seconds) as report:
             seen = replace(selection.objective.noise, available=objective.noise.available)
             deadline = problem.deadline("compare hypotheses")
-            compared = problem.budget.attempt(
-                "all other causes",
-                lambda: (
-                    None
-                    if has_model_error
-                    else compare_explanations(
+            compared = None
+            if not has_model_error:
+                compared = problem.budget.attempt(
+                    "all other causes",
+                    lambda: compare_explanations(
                         problem,
                         nominal,
                         replace(objective, noise=seen, deadline=deadline),
@@ -166,10 +165,9 @@ def discover(
                         nothing,
                         guesses[0],
                         report,
-                    )
-                ),
-                None,
-            )
+                    ),
+                    None,
+                )
             comparison = compared or Comparison(laws, uncorrected, seen, seen, 0.0, None)
             if is_start_explained(problem, comparison.laws[0]):
                 # A forcing explains what the modes of the start leave in the first samples.
