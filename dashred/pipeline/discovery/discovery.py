@@ -47,7 +47,7 @@ from dashred.pipeline.discovery.least_squares import (
 from dashred.pipeline.discovery.library_choice import is_explained
 from dashred.pipeline.discovery.prior_start import select_near_prior
 from dashred.pipeline.discovery.segment_horizon import follow_segments
-from dashred.pipeline.discovery.segment_stage import discover_in_segments
+from dashred.pipeline.discovery.segment_stage import discover_in_segments, with_few_terms
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation import NominalRun
 from dashred.pipeline.training import TrainedNetwork
@@ -147,7 +147,9 @@ def discover(
                 None,
             )
         # Many terms make up for a small model error, which the fit over segments allows for.
-        has_model_error = told is not None and explained
+        has_model_error = (
+            told is not None and segments is not None and is_explained(with_few_terms(segments))
+        )
         with stage("compare hypotheses", seconds) as report:
             seen = replace(selection.objective.noise, available=objective.noise.available)
             deadline = problem.deadline("compare hypotheses")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from torch import Tensor
@@ -18,6 +18,7 @@ from dashred.inference.fit.law import Law, build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.stepwise_selection import RefittedSet, Selection, term_penalty
+from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.result import Discovery
 
@@ -71,18 +72,30 @@ def with_headline(discovery: Discovery, told: Law, forcing_gain: float) -> Disco
     best = discovery.best
     if len(best.candidates) <= MOST_TERMS or best.window is not None or best.source is not None:
         return discovery
-    pairs = zip(best.candidates, best.coefficients.tolist(), strict=True)
-    supported = tuple(pair for pair in pairs if pair[0].key not in told.keys)
     told = replace(told, faults=best.faults)
     smaller = [law for law in discovery.laws[1:] if len(law.candidates) <= len(told.candidates)]
     kept = [law for law in smaller if law.keys != told.keys]
     return replace(
         discovery,
         laws=[told, *kept],
-        also_supported=supported,
+        also_supported=terms_beside(told, best.candidates, best.coefficients.tolist()),
         free_chi2=told.chi2,
         forcing_gain=forcing_gain,
     )
+
+
+def terms_beside(
+    told: Law, candidates: Sequence[Candidate], coefficients: Iterable[float]
+) -> tuple[tuple[Candidate, float], ...]:
+    """Return the terms of a larger law that the law of the headline does not contain.
+
+    Args:
+        told: the law of the headline.
+        candidates: terms of the larger law.
+        coefficients: their coefficients.
+    """
+    pairs = zip(candidates, map(float, coefficients), strict=True)
+    return tuple(pair for pair in pairs if pair[0].key not in told.keys)
 
 
 def _best_by_size(tried: Sequence[RefittedSet]) -> list[RefittedSet]:

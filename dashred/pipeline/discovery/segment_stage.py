@@ -17,6 +17,7 @@ from dashred.inference.segments.forecast import sufficient_law
 from dashred.inference.segments.search import SegmentSearch
 from dashred.inference.segments.segment_laws import law_from_segments, segment_noise
 from dashred.inference.segments.set_selection import SegmentLaw
+from dashred.pipeline.discovery.headline_law import terms_beside
 from dashred.pipeline.discovery.law_metrics import log_best_by_size
 from dashred.pipeline.discovery.least_squares import fit_noise
 from dashred.pipeline.discovery.library_choice import is_explained, search_libraries
@@ -64,6 +65,16 @@ def is_chaotic(found: SegmentSearch) -> bool:
     return error_growth(found) > CHAOTIC
 
 
+def with_few_terms(found: SegmentSearch) -> SegmentSearch:
+    """Return the search with the law of the headline in the first place.
+
+    A law of many members is reduced to those that its forecast needs.
+    """
+    if len(found.best.members) <= MOST_TERMS:
+        return found
+    return found.with_best(sufficient_law(found))
+
+
 def has_sensor_errors(found: SegmentSearch) -> bool:
     """Return whether the best law explains the record together with sensor errors."""
     first = len(found.problem.errors)
@@ -82,9 +93,7 @@ def discover_in_segments(
         run: tracker of the child run of the discovery.
         seconds: run time by stage, updated.
     """
-    explained, supported = is_explained(found), found.best
-    if len(supported.members) > MOST_TERMS:
-        found = found.with_best(sufficient_law(found))
+    supported, found = found.best, with_few_terms(found)
     near = [law for law in found.laws if law.score < found.best.score + SCORE_MARGIN][:MAX_LAWS]
     empty = next(law for law in found.laws if not law.members)
     with stage("fit the law to the end", seconds) as report:
@@ -107,12 +116,8 @@ def discover_in_segments(
         is_search_complete=True,
         path=path,
         refit_count=len(found.laws),
-        forcing_gain=0.0 if explained else (level - 1) * found.problem.segments.seen,
-        also_supported=tuple(
-            (candidate, float(value))
-            for candidate, value in zip(*found.terms(supported), strict=True)
-            if candidate.key not in laws[0].keys
-        ),
+        forcing_gain=0.0 if is_explained(found) else (level - 1) * found.problem.segments.seen,
+        also_supported=terms_beside(laws[0], *found.terms(supported)),
     )
 
 
