@@ -78,7 +78,8 @@ def compile_kernel(
     For each row, ``channels[c] = Σ_system f + Σ_terms (weight + window_weight·χ) f``, where χ is
     the product of the row's window factors. The arrays are inputs ``(input, row, point)``,
     coordinates ``(coordinate, point)``, weights ``(row, weight)`` and channels
-    ``(channel, row, point)``. The kernel can be called from compiled code only.
+    ``(channel, row, point)``. Without coordinates there is one point. The kernel can be called
+    from compiled code only.
 
     Args:
         channel_terms: the pointwise functions.
@@ -94,9 +95,11 @@ def compile_kernel(
     known |= {name: f"m{row}" for row, name in rows}
     now = [f"    m{row} = at(t, {row})" for row, _ in rows]
     own = [f for f in channel_terms if f.weight is None and f.window_weight is None]
+    # A loop over a single point is not vectorised, which halves the time of compilation.
+    loop = f"for i in range({'out.shape[2]' if coordinates else '1'}):"
     lines = ["def kernel(x, c, t, w, out):", *now, "    for r in range(out.shape[1]):"]
     lines += ["        out[:, r] = 0.0"]
-    lines += _loop_code(own, known, 8)
+    lines += _loop_code(own, known, loop, 8)
     terms: dict[tuple[int | None, int | None], list[ChannelTerm]] = {}
     for f in channel_terms:
         if f not in own:
@@ -104,7 +107,9 @@ def compile_kernel(
     for columns, group in terms.items():
         a, b = (f"w[r, {column}]" if column is not None else "0.0" for column in columns)
         lines += [f"        a, b = {a}, {b}", "        if a != 0.0 or b != 0.0:"]
-        lines += _loop_code(group, known, 12, "a" if columns[1] is None else WINDOWED_COEFFICIENT)
+        lines += _loop_code(
+            group, known, loop, 12, "a" if columns[1] is None else WINDOWED_COEFFICIENT
+        )
     return _compile("\n".join(lines), _window_code(factors, known, now), input_signals)
 
 
@@ -142,6 +147,7 @@ def _compile(source: str, window: str, input_signals: InputSignals) -> Kernel:
 def _loop_code(
     channel_terms: Sequence[ChannelTerm],
     known: Mapping[str, str],
+    loop: str,
     indent: int,
     coefficient: str | None = None,
 ) -> list[str]:
@@ -152,8 +158,7 @@ def _loop_code(
     inner = [*writer.lines, *([f"f = {coefficient}"] if coefficient else [])]
     factor = "f * " if coefficient else ""
     inner += [f"out[{channel}, r, i] += {factor}{value}" for channel, value in values]
-    head = " " * indent + "for i in range(out.shape[2]):"
-    return [head, *(" " * (indent + 4) + line for line in inner)]
+    return [" " * indent + loop, *(" " * (indent + 4) + line for line in inner)]
 
 
 def names_used(channel_terms: Sequence[ChannelTerm]) -> frozenset[str]:
