@@ -34,6 +34,8 @@ from dashred.pipeline.problem import Problem
 MARGIN = 20.0
 # If the model and the faults leave a larger χ²/n, the model is not good enough to judge sensors.
 MAX_CHI2 = 1.5
+# Faults that an inaccurate model does not imitate.
+DISTINCT_KINDS = ("stuck", "spikes")
 
 
 @torch.no_grad()
@@ -66,11 +68,10 @@ def _kinds_beside(law: Law) -> Collection[str]:
     """Return the kinds of faults that can be told beside a law.
 
     The shape of a source, the edges of a region and the modes of a start are approximations. What
-    they leave at a sensor that was not fitted is correlated in time, as the error of a wandering
-    sensor is.
+    they leave at a sensor that was not fitted varies slowly, as the error of a sensor may.
     """
     is_exact = law.source is None and law.window is None and law.start_prior_factor == 1
-    return SEARCHED_KINDS if is_exact else set(SEARCHED_KINDS) - {"wandering"}
+    return SEARCHED_KINDS if is_exact else DISTINCT_KINDS
 
 
 def _problem_of_all_sensors(
