@@ -1,4 +1,4 @@
-"""Run the cases of a draw: make, analyse, freeze, score, ask the peers, store the row."""
+"""Run the cases of a draw: make, analyse, freeze, score, store the row; then ask the peers."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import shutil
 import tempfile
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from functools import partial
 from pathlib import Path
 from threading import Event
 
@@ -20,7 +21,7 @@ from dashred.evaluation.foreign.cases.case import Case, MadeCase
 from dashred.evaluation.foreign.cases.case_files import CONFIG, write_case, write_truth
 from dashred.evaluation.foreign.draw_file import DRAW, check_same_draw, describe_draw
 from dashred.evaluation.foreign.make_case import make_case
-from dashred.evaluation.foreign.peers.ask import ask_peers
+from dashred.evaluation.foreign.peers.ask import ask_peers, is_asked
 from dashred.evaluation.foreign.plan import chosen
 from dashred.evaluation.foreign.rows import Row, is_done, read_row, write_row
 from dashred.evaluation.foreign.score_case import empty_row, score_case
@@ -51,24 +52,37 @@ def run_foreign(request: Request, cases: Sequence[Case]) -> list[Row]:
         _print(f"{len(wanted)} of {len(cases)} cases, {done} of them done, in {output}")
         if waiting:
             with tempfile.TemporaryDirectory(prefix="dashred-worker-") as folder:
-                _Runner(request, isolated_copy(Path(folder))).run_all(waiting)
+                copy, runner = isolated_copy(Path(folder)), _Runner(request)
+                runner.run_all(partial(runner.analyse, copy), waiting)
+        if request.peer_limit:
+            _ask_about(request, wanted)
         return [row for case in wanted if (row := read_row(output, case)) is not None]
+
+
+def _ask_about(request: Request, wanted: Sequence[Case]) -> None:
+    """Ask the peers about the cases that were analysed, and that they have not been asked about."""
+    rows = {case: read_row(request.output, case) for case in wanted if is_asked(case)}
+    unasked = [case for case, row in rows.items() if row is not None and not row["peers"]]
+    if unasked:
+        _print(f"asking other methods about {len(unasked)} cases")
+        runner = _Runner(request)
+        runner.run_all(runner.ask, unasked)
 
 
 class _Runner:
     """Runs cases in threads, each of which waits for the processes of one case at a time."""
 
-    def __init__(self, request: Request, copy: Path) -> None:
-        self.request, self.copy = request, copy
+    def __init__(self, request: Request) -> None:
+        self.request = request
         self.stopped = Event()
         self.workers: set[Worker] = set()
 
-    def run_all(self, waiting: Sequence[Case]) -> None:
-        """Run all cases; on an exception, stop their processes."""
+    def run_all(self, run: Callable[[Case], Row | None], waiting: Sequence[Case]) -> None:
+        """Run something for all cases; on an exception, stop their processes."""
         with ThreadPoolExecutor(min(self.request.jobs, len(waiting))) as pool:
             try:
                 for number, done in enumerate(
-                    as_completed([pool.submit(self._run_case, case) for case in waiting]), 1
+                    as_completed([pool.submit(run, case) for case in waiting]), 1
                 ):
                     if (row := done.result()) is not None:
                         _print(f"[{number}/{len(waiting)}] {_line(row)}")
@@ -80,14 +94,14 @@ class _Runner:
                     current.process.kill()
                 raise
 
-    def _run_case(self, case: Case) -> Row | None:
+    def analyse(self, copy: Path, case: Case) -> Row | None:
         """Run one case and store its row; a failure is a row without an answer."""
         with tempfile.TemporaryDirectory(prefix="dashred-foreign-") as name:
             work_dir = Path(name)
             made: MadeCase | None = None
             try:
                 made = make_case(case)
-                row = self._analyse(case, made, work_dir)
+                row = self._answer(copy, case, made, work_dir)
             except Exception as error:  # One failure must not stop the other cases.
                 (work_dir / "problem.txt").write_text(traceback.format_exc(), encoding="utf-8")
                 truth = None if made is None else made.truth
@@ -99,12 +113,26 @@ class _Runner:
             shutil.copytree(work_dir, output / "analyses" / case.name)
             if made is not None:
                 write_truth(output / "truths" / f"{case.name}.json", made.truth)
-                if self.request.peer_limit:
-                    row["peers"] = ask_peers(case, made, self.request.peer_limit)
             write_row(output, case, row)
             return row
 
-    def _analyse(self, case: Case, made: MadeCase, work_dir: Path) -> Row:
+    def ask(self, case: Case) -> Row | None:
+        """Ask the peers about one case and add their answers to its row."""
+        row = read_row(self.request.output, case)
+        if row is None or self.stopped.is_set():
+            return None
+        try:
+            made = make_case(case)
+        except Exception as error:  # As for the analysis: its row tells why there is no case.
+            _print(f"{case.name}: {type(error).__name__}: {error}"[:300])
+            return None
+        row["peers"] = ask_peers(case, made, self.request.peer_limit)
+        if self.stopped.is_set():
+            return None
+        write_row(self.request.output, case, row)
+        return row
+
+    def _answer(self, copy: Path, case: Case, made: MadeCase, work_dir: Path) -> Row:
         """Return the row of the analysis, whose process sees the files of the case alone.
 
         The truth is in the memory of this process until the findings are frozen.
@@ -117,13 +145,13 @@ class _Runner:
             f"output={found}",
             f"seed={case.analysis_seed}",
             "threads=1",
-            f"tracking.root={self.copy / 'mlruns'}",
+            f"tracking.root={copy / 'mlruns'}",
             "tracking.experiment=analysis",
             "tracking.model=false",
         ]
         began, limit = time.perf_counter(), float(self.request.limit)
         try:
-            with worker(self.copy) as current:
+            with worker(copy) as current:
                 self.workers.add(current)
                 try:
                     code, seconds = current.analyse(words, work_dir / LOG, limit)

@@ -15,9 +15,10 @@ from dashred.core.errors import DONE, OUR_FAILURE, InputError
 from dashred.core.findings.findings import freeze, write_json_atomic
 from dashred.evaluation.foreign import run
 from dashred.evaluation.foreign.arguments import Request, read_words
-from dashred.evaluation.foreign.cases.case import Case
+from dashred.evaluation.foreign.cases.case import Case, MadeCase
 from dashred.evaluation.foreign.document import write_document
 from dashred.evaluation.foreign.make_case import make_case
+from dashred.evaluation.foreign.rows import PeerRow
 from dashred.evaluation.proof.isolation import Worker, WorkerLostError
 from tests.evaluation.foreign.invented import findings_of, term
 
@@ -176,3 +177,23 @@ def test_the_page_is_written_from_the_rows(tmp_path, analysed_by) -> None:
     assert "1 of 1 cases are done" in page and "practice draw" in page
     assert "| mechanics-dry\\_friction-2pc-0 |" in page and "silent-wrong" in page
     assert (tmp_path / "page" / "test.jsonl").is_file()
+
+
+def test_other_methods_are_asked_afterwards_and_once(tmp_path, analysed_by, monkeypatch) -> None:
+    asked: list[tuple[str, float]] = []
+    told = PeerRow(right=False, told="v: +1·v", seconds=2.0, problem=None)
+
+    def ask(case: Case, made: MadeCase, limit: float) -> dict[str, PeerRow]:
+        asked.append((case.name, limit))
+        return {"filter": told}
+
+    monkeypatch.setattr(run, "ask_peers", ask)
+    seen = analysed_by(answer("nothing-missing", []))
+    faulty = replace(CASE, kind="sensor", number=2)
+    cases = [CASE, faulty]
+    assert [row["peers"] for row in run.run_foreign(request(tmp_path), cases)] == [{}, {}]
+    limited = replace(request(tmp_path), peer_limit=7)
+    for _ in range(2):
+        rows = run.run_foreign(limited, cases)
+        assert [row["peers"] for row in rows] == [{"filter": told}, {}]
+    assert asked == [(CASE.name, 7)] and len(seen) == 2

@@ -22,16 +22,19 @@ from dashred.evaluation.foreign.scoring.compare_law import is_exact
 LOG = "log.txt"
 
 
+def is_asked(case: Case) -> bool:
+    """Return whether the other methods can answer a case: they name a law, or none."""
+    return case.kind in KINDS
+
+
 def ask_peers(case: Case, made: MadeCase, limit: float) -> dict[str, PeerRow]:
-    """Return the answers of all methods that apply to a case.
+    """Return the answers of all methods that apply to the system of a case.
 
     Args:
         case: the case.
         made: its recording and its truth; a method with the full state gets the states with noise.
         limit: seconds for each method.
     """
-    if case.kind not in KINDS:
-        return {}
     with tempfile.TemporaryDirectory(prefix="dashred-peers-") as name:
         folder = Path(name)
         write_case(folder, made)
