@@ -30,7 +30,7 @@ def build_library(system: System, listed: Mapping[str, Sequence[str]] | None) ->
         InputError: a term is invalid, or two terms of one equation are proportional.
     """
     chosen = listed or {
-        field: default_terms(system) for field in _equations_with_candidates(system)
+        field: default_terms(system) for field in equations_with_candidates(system)
     }
     library: list[Term] = []
     for equation, texts in chosen.items():
@@ -49,7 +49,7 @@ def build_library(system: System, listed: Mapping[str, Sequence[str]] | None) ->
     return library
 
 
-def _equations_with_candidates(system: System) -> list[str]:
+def equations_with_candidates(system: System) -> list[str]:
     """Return the fields whose equations get candidate terms by default.
 
     An equation such as ``θ' = ω`` or ``q' = p/m`` only defines ω or p. A missing term there is

@@ -185,7 +185,7 @@ def _refit(blocks: Blocks, support: Support) -> Array:
 
 def _errors(blocks: Blocks, coefficients: Array) -> Array:
     """Return the squared error of each block."""
-    fitted = np.einsum("i,bij,j->b", coefficients, blocks.gram, coefficients)
+    fitted = (blocks.gram @ coefficients) @ coefficients
     return blocks.power - 2 * blocks.moment @ coefficients + fitted
 
 

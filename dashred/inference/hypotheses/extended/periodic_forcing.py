@@ -23,7 +23,7 @@ from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.physics.forcing_basis import ForcingBasis
-from dashred.physics.library import build_library, resolve
+from dashred.physics.library import build_library, equations_with_candidates, resolve
 from dashred.physics.system import System
 
 # Knots in time, and the smallest number of knots in a period: the forcing is linear between knots.
@@ -123,8 +123,12 @@ def _select_waves(
     tendency_rms: Tensor,
     required_change: float,
 ) -> list[Wave]:
-    """Return the waves that decrease F enough on the linearised problem, the best first."""
+    """Return the waves that decrease F enough on the linearised problem, the best first.
+
+    An equation that only defines a rate, such as ``x' = v``, gets no forcing.
+    """
     fields, knots = system.fields, forcing_basis.knots
+    driven = [fields.index(field) for field in equations_with_candidates(system)]
     own = len(normal.phi) - forcing_basis.count
     angle = grid[:, None] * knots
     waves = torch.stack([angle.sin(), angle.cos()], dim=1)
@@ -138,11 +142,12 @@ def _select_waves(
         normal.residuals,
     )
     problem = ProfiledProblem.from_normal_equations(linear, own)
-    pairs = [(2 * j, 2 * j + 1) for j in range(len(fields) * len(grid))]
+    choices = [e * len(grid) + j for e in driven for j in range(len(grid))]
+    pairs = [(2 * choice, 2 * choice + 1) for choice in choices]
     costs = problem.costs(pairs)
     selected: list[Wave] = []
     for j in costs.argsort().tolist():
-        equation, turn = divmod(j, len(grid))
+        equation, turn = divmod(choices[j], len(grid))
         wave = Wave(fields[equation], float(grid[turn]), *problem.coefficients(pairs[j]).tolist())
         if len(selected) == MAX_FITS or float(costs[j]) >= problem.constant + required_change:
             break

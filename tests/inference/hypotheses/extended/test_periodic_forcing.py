@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 import torch
 
 from dashred.inference.fit.law import build_law
+from dashred.inference.fit.least_squares import NormalEquations
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.hypotheses.extended.periodic_forcing import Wave, fit_periodic_laws
+from dashred.inference.hypotheses.extended.periodic_forcing import (
+    KNOTS,
+    Wave,
+    _frequency_grid,
+    _select_waves,
+    fit_periodic_laws,
+)
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
+from dashred.physics.forcing_basis import ForcingBasis
 from dashred.physics.library import build_library, evaluate_terms, resolve
+from tests import laws
 from tests.waves import Waves, fitted
 
 SIGMA = 0.02
@@ -88,3 +98,33 @@ def test_the_slope_is_the_derivative_by_frequency(waves: Waves) -> None:
             for of in (before, after)
         ]
         assert derivative == pytest.approx((values[1] - values[0]) / (2 * step), abs=1e-5)
+
+
+OSCILLATOR = """
+system:
+  title: a mass on a spring
+  fields: {x: position, v: velocity}
+  equations: {x: v, v: -x}
+  start: {x: 1, v: 0}
+  integrator: {dt: 0.1}
+recording: {twin: a, sensors: 1, noise: 0, duration: 4, every: 0.1}
+"""
+
+
+@pytest.mark.parametrize(("driven", "found"), [("x", set()), ("v", {"v"})])
+def test_an_equation_that_defines_a_rate_gets_no_wave(
+    tmp_path: Path, driven: str, found: set[str]
+) -> None:
+    """The readings are exactly those of a wave in one of the two equations."""
+    system = laws.declared(tmp_path, OSCILLATOR)
+    times = torch.linspace(0, 10, 201, dtype=torch.float64)
+    basis, grid = ForcingBasis.over(system, times, 1, KNOTS), _frequency_grid(times)
+    generator = torch.Generator().manual_seed(3)
+    jacobian = torch.randn((200, 2, KNOTS), dtype=torch.float64, generator=generator)
+    wave = (grid[9] * basis.knots).sin()
+    residuals = -jacobian[:, system.fields.index(driven)] @ wave
+    size, none = torch.ones(2, dtype=torch.float64), torch.zeros(2 * KNOTS, dtype=torch.float64)
+    normal = NormalEquations(jacobian.flatten(1), none + 1e-6, none, residuals)
+    limit = -0.5 * float(residuals.square().sum())
+    waves = _select_waves(normal, system, basis, grid, size, limit)
+    assert {each.equation for each in waves} == found
