@@ -82,7 +82,7 @@ class ProfiledProblem:
     def coefficients(self, chosen: tuple[int, ...]) -> Tensor:
         """Return the ξ that minimises F for one set, ``(len(chosen),)``."""
         index = list(chosen)
-        matrix = (self.gram + torch.diag(self.precision))[index][:, index]
+        matrix = self.gram[index][:, index] + torch.diag(self.precision[index])
         return solve(matrix, self.target[index, None])[:, 0]
 
     def most_distinct(self, count: int) -> tuple[int, ...]:
