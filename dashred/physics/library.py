@@ -82,6 +82,7 @@ def default_terms(system: System) -> list[str]:
     terms += list(system.inputs)
     if not system.axes:
         return terms + list(_pointwise(fields, angles(system)))
+    terms += [f"{wave}({f})" for f in fields if f in angles(system) for wave in ("sin", "cos")]
     if len(system.axes) == 1:
         return terms + list(_derivatives_on_a_line(fields, system.axes[0].name))
     return terms + list(_derivatives_in_the_plane(fields, [axis.name for axis in system.axes]))
@@ -135,7 +136,7 @@ def _derivatives_on_a_line(fields: Sequence[str], x: str) -> Iterator[str]:
         f = fields[0]
         yield from (f"{f}**2*d({f}, {x})", f"{f}**3*d({f}, {x})", f"{f}*d({f}, {x}, 2)")
         yield from (f"{f}**2*d({f}, {x}, 2)", f"{f}*d({f}, {x})**2", f"{f}*d({f}, {x}, 3)")
-        yield from (f"d({f}, {x})*d({f}, {x}, 2)", f"sin({f})", f"cos({f})")
+        yield f"d({f}, {x})*d({f}, {x}, 2)"
 
 
 def _derivatives_in_the_plane(fields: Sequence[str], axes: Sequence[str]) -> Iterator[str]:
@@ -146,8 +147,7 @@ def _derivatives_in_the_plane(fields: Sequence[str], axes: Sequence[str]) -> Ite
         yield from (f"{g}*lap({f})" for g in fields)
     if len(fields) == 1:
         f = fields[0]
-        yield from (f"{f}**2*lap({f})", f"sin({f})", f"cos({f})", f"abs({f})*{f}")
-        yield from (f"lap({f}**3)", f"inv_lap({f})")
+        yield from (f"{f}**2*lap({f})", f"abs({f})*{f}", f"lap({f}**3)", f"inv_lap({f})")
 
 
 def resolve(system: System, library: Sequence[Term]) -> tuple[Term, ...]:
