@@ -27,5 +27,10 @@ ENDS = {
 
 def begin_budget(config: Config) -> Budget:
     """Return the budget of a run that begins now."""
+    return Budget.begin(budget_seconds(config))
+
+
+def budget_seconds(config: Config) -> float:
+    """Return the seconds that a run may take."""
     default = DEFAULT_SECONDS[len(config.system.axes)]
-    return Budget.begin(default if config.budget is None else config.budget)
+    return default if config.budget is None else config.budget

@@ -10,6 +10,7 @@ from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.observability import Observability
 from dashred.pipeline.check.remark import Remark
 from dashred.pipeline.check.simulator import NominalRun
+from dashred.pipeline.time_shares import budget_seconds
 
 # Seconds of overhead per run: imports, figures, MLflow.
 OVERHEAD = 12.0
@@ -38,7 +39,10 @@ def run_time_remark(
     columns = (0 if observed is None else observed.prior_size) + len(context.library)
     linearisation = column * samples * columns
     fixed = OVERHEAD + training + ensembles
-    least, most = (fixed + share * math.sqrt(linearisation) for share in (CLEAR, HARD))
+    limit = budget_seconds(config)
+    least, most = (
+        min(limit, fixed + share * math.sqrt(linearisation)) for share in (CLEAR, HARD)
+    )
     return Remark(
         f"About {_rounded_duration(least)} if one cause stands out, about "
         f"{_rounded_duration(most)} if many have to be compared; longer on a busy machine"

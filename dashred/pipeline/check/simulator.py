@@ -13,7 +13,12 @@ from dashred.core.errors import InputError
 from dashred.data.observation_operator import ObservationOperator
 from dashred.physics.library import check_collinear, uninformative_terms
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
-from dashred.physics.runs.resolution import Readings, doubling_error, minimum_scale
+from dashred.physics.runs.resolution import (
+    Readings,
+    accumulated_error,
+    doubling_error,
+    minimum_scale,
+)
 from dashred.physics.solvers.simulate import check_finite, simulate
 from dashred.physics.system import System, Term
 from dashred.pipeline.check.context import CheckContext
@@ -42,12 +47,14 @@ class NominalRun:
         states: ``(time, field, *grid)``.
         times: the first times of the clock, ``(time,)``.
         sample_seconds: run time per sample.
+        blows_up: whether the run ends early because its values become infinite.
     """
 
     prior: StartPrior
     states: Tensor
     times: Tensor
     sample_seconds: float
+    blows_up: bool = False
 
     def affordable_samples(self, seconds: float, cost_factor: float) -> int:
         """Return the number of samples that fit a budget at a relative cost per sample."""
@@ -67,10 +74,23 @@ def run_nominal(context: CheckContext) -> NominalRun:
     each = seconds / (len(times[:TIMED_SAMPLES]) - 1)
     count = _affordable_samples(NOMINAL_SECONDS, each, len(times))
     path, seconds = timed_simulation(system, start, times[:count])
+    finite = _finite_samples(path[0])
+    blows_up = not system.axes and MIN_SAMPLES <= finite < count
+    if blows_up:
+        # A run restarts an ODE system along the readings. The last finite values are huge.
+        count = max(MIN_SAMPLES, finite // 2)
+        path = path[:, :count]
     check_finite(path, times[:count], system)
     modes = system.config.spread.get("modes")
     prior = StartPrior(system, start[0], field_rms(path[0]), None if modes is None else int(modes))
-    return NominalRun(prior, path[0], times[:count], min(each, seconds / (count - 1)))
+    sample_seconds = min(each, seconds / (count - 1))
+    return NominalRun(prior, path[0], times[:count], sample_seconds, blows_up)
+
+
+def _finite_samples(path: Tensor) -> int:
+    """Return the number of samples before the first one that is not finite."""
+    lost = ~path.flatten(1).isfinite().all(dim=1)
+    return int(lost.int().argmax()) if bool(lost.any()) else len(path)
 
 
 def timed_simulation(system: System, start: Tensor, times: Tensor) -> tuple[Tensor, float]:
@@ -85,6 +105,11 @@ def simulator_remarks(context: CheckContext, nominal: NominalRun) -> Iterator[Re
     total, count = len(context.times), len(nominal.times)
     within = "" if count == total else f" (the first {count} of {total} samples)"
     yield Remark(f"The simulation runs to t = {float(nominal.times[-1]):.6g}{within}")
+    if nominal.blows_up:
+        yield warning(
+            "The simulation blows up soon after that",
+            "a run restarts it from the readings, segment by segment",
+        )
     readings = _readings(context)
     traces = readings(context.system, nominal.states[None])[0]
     if not (traces.std(dim=0) > ROUNDING * traces.abs().max()).any():
@@ -140,6 +165,10 @@ def _resolution_remark(context: CheckContext, nominal: NominalRun, traces: Tenso
     reads = [sensor.reads for sensor in context.sensors]
     least = minimum_scale(traces, context.sigma(nominal.states), reads, limit)
     error, _ = doubling_error(system, start, times, readings, traces[None, :count], least)
+    if error > limit:
+        # As in a run: a chaotic record amplifies any error, so those of short segments are added.
+        path = nominal.states[:count]
+        error = min(error, accumulated_error(system, path, times, readings, least))
     span = f", over the first {count} samples" if count < len(context.times) else ""
     change = f"doubling the resolution changes a reading by {error:.2g} of its std{span}"
     if error <= limit:

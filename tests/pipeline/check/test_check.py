@@ -187,6 +187,30 @@ def test_too_long_a_step_is_not_resolved(
     assert "decrease system.integrator.dt" in found
 
 
+def test_a_simulation_that_blows_up_is_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A run restarts it from the readings, so it is not refused."""
+    found = said(capsys, f"conf={swing(tmp_path)}", "system.equations.v=-x + v**3")
+    assert "The simulation blows up soon after that" in found
+    assert "The simulation is resolved" in found
+
+
+def test_a_chaotic_simulation_is_resolved(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """At doubled resolution its trajectory is another one, but each segment is the same."""
+    conf = swing(tmp_path)
+    rng = np.random.default_rng(1)
+    rows = [f"{0.2 * j:.3f},{a:.4f},{b:.4f},{c:.4f}" for j, (a, b, c) in
+            enumerate(8 * rng.standard_normal((200, 3)))]  # fmt: skip
+    (tmp_path / "swing.csv").write_text("\n".join(["time,x,v,z", *rows]) + "\n")
+    lorenz = SWING.replace("{x: v, v: -x}", "{x: 10*(v - x), v: x*(28 - z) - v, z: x*v - 8*z/3}")
+    lorenz = lorenz.replace("v: speed", "v: speed, z: third").replace("v: 0}", "v: 0, z: 20}")
+    conf.write_text(lorenz.replace("v: 0.1}", "v: 0.1, z: 0.1}").replace("dt: 0.05", "dt: 0.01"))
+    assert "The simulation is resolved" in said(capsys, f"conf={conf}")
+
+
 def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     """Return what a check prints that ends with 2, its lines joined."""
     assert command.main(list(words)) == 2
