@@ -29,9 +29,7 @@ def build_library(system: System, listed: Mapping[str, Sequence[str]] | None) ->
     Raises:
         InputError: a term is invalid, or two terms of one equation are proportional.
     """
-    chosen = listed or {
-        field: default_terms(system) for field in equations_with_candidates(system)
-    }
+    chosen = listed or {field: default_terms(system) for field in equations_with_candidates(system)}
     library: list[Term] = []
     for equation, texts in chosen.items():
         seen: dict[algebra.Expr, str] = {}

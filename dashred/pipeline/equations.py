@@ -99,6 +99,33 @@ def _simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
 
 def discover(
     simulated: SimulationRuns,
+    run: RunTracker,
+    checkpoints: Stages,
+    seconds: dict[str, float],
+) -> Analysis | Resolution:
+    """Return the results of all stages; or the numerical error, if it forbids a verdict.
+
+    If the uncorrected simulation is resolved in its first part only, the corrected one is checked.
+
+    Args:
+        simulated: problem and runs of the simulator.
+        run: tracker of the parent run.
+        checkpoints: stores the result of each stage.
+        seconds: run time by stage, updated.
+    """
+    problem, resolution = simulated.problem, simulated.resolution
+    if simulated.ensemble is None:
+        return resolution
+    analysis = _discover(simulated, simulated.ensemble, run, checkpoints, seconds)
+    if not resolution.is_early:
+        return analysis
+    states = analysis.trajectories.states["corrected"][: len(problem.split.fit.times)]
+    corrected = simulation.check_corrected(problem, analysis.discovery.best, states)
+    return analysis if corrected.resolved else corrected
+
+
+def _discover(
+    simulated: SimulationRuns,
     ensemble: Ensemble,
     run: RunTracker,
     checkpoints: Stages,
@@ -197,12 +224,12 @@ def analyse_equations(config: Config) -> Path:
         log_input(run, config, provenance.git_commit())
         checkpoints = Checkpoints(folder, seconds, problem.budget)
 
-        if simulated.ensemble is None:
-            findings = verify.unresolved_findings(problem, simulated.resolution)
+        analysis = discover(simulated, run, checkpoints, seconds)
+        if isinstance(analysis, Resolution):
+            findings = verify.unresolved_findings(problem, analysis)
             verify.freeze_findings(output, findings, [])
             figures = report.report_unresolved(findings, output)
         else:
-            analysis = discover(simulated, simulated.ensemble, run, checkpoints, seconds)
             # Not in the list of what was left out: it changes nothing in the findings.
             if config.tracking.model and problem.budget.left > LOGGING_SECONDS:
                 network = analysis.corrected_network

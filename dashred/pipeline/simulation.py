@@ -29,6 +29,9 @@ from dashred.physics.system import System
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.segments import can_restart, local_resolution, restarted_where_lost
 
+# First part of a record in which a simulation without its dissipation may still be resolved.
+EARLY_SHARE = 0.25
+
 
 @dataclass(frozen=True)
 class NominalRun:
@@ -97,7 +100,9 @@ def check_discretisation(
     """Double the resolution and return the largest change of the sensor readings.
 
     If the record is chaotic, the errors of short segments are added up instead
-    (:func:`.resolution.accumulated_error`).
+    (:func:`.resolution.accumulated_error`). If only those of the first part are small, the search
+    may find the dissipation that the simulation lacks. The resolution of the corrected simulation
+    is checked then (:func:`check_corrected`).
 
     If the system has inputs, every episode is checked and the worst result is returned. Without
     inputs all episodes have the same simulation, so one is checked.
@@ -131,8 +136,11 @@ def check_discretisation(
         )
         if found.resolved:
             return found
-        summed = accumulated_error(episode.system, path, episode.times, readings, least)
-        return Resolution(summed, limit, 1) if summed <= limit else found
+        for share in (1.0, EARLY_SHARE):
+            summed = accumulated_error(episode.system, path, episode.times, readings, least, share)
+            if summed <= limit:
+                return Resolution(summed, limit, 1, is_early=share < 1)
+        return found
 
     episodes = problem.episodes if problem.system.inputs else (problem,)
     paths = (nominal.states, *nominal.others)
@@ -141,6 +149,27 @@ def check_discretisation(
         worst = max(resolutions, key=lambda resolution: resolution.error)
         report(1.0, f"doubling changes a trace by {worst.error:.2%} of its std")
     return worst
+
+
+@torch.no_grad()
+def check_corrected(problem: Problem, law: Law, states: Tensor) -> Resolution:
+    """Return the resolution of the corrected simulation of the longest episode.
+
+    Args:
+        problem: the recording.
+        law: the law.
+        states: the corrected simulation in the fit window, ``(time, field, *grid)``.
+    """
+    system, sensors = build_corrected_system(problem.system, law), problem.split.fit.sensors
+    limit, noise = problem.config.resolution_limit, problem.noise_of(problem.split.fit.names)
+
+    def readings(own: System, path: Tensor) -> Tensor:
+        return ObservationOperator(sensors, own)(path)
+
+    traces = readings(system, states[None])[0]
+    least = minimum_scale(traces, noise, [sensor.reads for sensor in sensors], limit)
+    times = problem.times[: len(states)]
+    return Resolution(accumulated_error(system, states, times, readings, least), limit, None)
 
 
 @torch.no_grad()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -29,11 +30,14 @@ class Resolution:
         limit: allowed change.
         enough: refinement factor at which the change is below the limit; None if no tried
             factor suffices.
+        is_early: whether only the first part of the simulation is resolved. Without the dissipation
+            that it lacks, a simulation may create ever finer structures.
     """
 
     error: float
     limit: float
     enough: int | None
+    is_early: bool = False
 
     @property
     def resolved(self) -> bool:
@@ -73,7 +77,12 @@ def minimum_scale(
 
 @torch.no_grad()
 def accumulated_error(
-    system: System, path: Tensor, times: Tensor, readings: Readings, least: Tensor
+    system: System,
+    path: Tensor,
+    times: Tensor,
+    readings: Readings,
+    least: Tensor,
+    share: float = 1.0,
 ) -> float:
     """Return the sum of the doubling errors of short segments that cover the record.
 
@@ -87,20 +96,22 @@ def accumulated_error(
         times: ``(time,)``.
         readings: (system, trajectory) → traces ``(batch, time, sensor)``.
         least: smallest scale for the change of a trace, ``(sensor,)``.
+        share: first part of the record whose segments are simulated, as a share of it.
 
     Returns:
-        The largest sum over the sensors, in units of :class:`Resolution`.
+        The largest sum over the sensors and the whole record, in units of :class:`Resolution`.
     """
     segments = max(1, (len(times) - 1) // SEGMENT)
-    stride = SEGMENT * -(-segments // MOST_SEGMENTS)
+    stride = SEGMENT * -(-math.ceil(share * segments) // MOST_SEGMENTS)
     changes = []
-    for first in range(0, max(1, len(times) - SEGMENT), stride):
+    for first in range(0, max(1, round(share * (len(times) - SEGMENT))), stride):
         clock, start = times[first : first + SEGMENT + 1], path[first : first + 1]
         finer, fine_start = refine(system, start)
         fine = readings(finer, simulate(finer, fine_start, clock))
         coarse = readings(system, simulate(system, start, clock))
         changes.append((fine - coarse)[0, -1].square())
-    scale = torch.maximum(readings(system, path[None])[0].std(dim=0), least).clamp(min=1e-12)
+    traces = readings(system, path[None])[0, : first + SEGMENT + 1]
+    scale = torch.maximum(traces.std(dim=0), least).clamp(min=1e-12)
     each = torch.stack(changes).mean(dim=0).sqrt() / scale
     return float((segments * each).max().nan_to_num(nan=torch.inf))
 

@@ -16,6 +16,7 @@ from dashred.core.progress import Silent, shown_on
 from dashred.core.tracking import NullTracker
 from dashred.data.episodes import Episodes
 from dashred.inference.results.corrected_system import build_corrected_system
+from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline import equations
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.api.result import Result
@@ -53,13 +54,10 @@ def discover(config: Config, recorded: Episodes) -> Result:
 def _discover_with_equations(problem: Problem, seconds: dict[str, float]) -> Result:
     simulated = equations.simulate(problem, seconds)
     problem = simulated.problem
-    if simulated.ensemble is None:
-        return _unresolved_result(
-            problem, verification.unresolved_findings(problem, simulated.resolution), seconds
-        )
-    analysis = equations.discover(
-        simulated, simulated.ensemble, NullTracker(), NoCheckpoints(), seconds
-    )
+    analysis = equations.discover(simulated, NullTracker(), NoCheckpoints(), seconds)
+    if isinstance(analysis, Resolution):
+        unresolved = verification.unresolved_findings(problem, analysis)
+        return _unresolved_result(problem, unresolved, seconds)
     findings = verification.verify(problem, analysis)
     # What a notebook does with the result later has no bound.
     problem = replace(problem, budget=Budget())

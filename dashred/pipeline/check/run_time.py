@@ -40,9 +40,7 @@ def run_time_remark(
     linearisation = column * samples * columns
     fixed = OVERHEAD + training + ensembles
     limit = budget_seconds(config)
-    least, most = (
-        min(limit, fixed + share * math.sqrt(linearisation)) for share in (CLEAR, HARD)
-    )
+    least, most = (min(limit, fixed + share * math.sqrt(linearisation)) for share in (CLEAR, HARD))
     return Remark(
         f"About {_rounded_duration(least)} if one cause stands out, about "
         f"{_rounded_duration(most)} if many have to be compared; longer on a busy machine"
