@@ -2,10 +2,12 @@
 
 Over a long stretch the misfit of a wrong start has many false minima. Over a short one it has none,
 and its solution is a good first guess for a slightly longer one (docs/method.md#growing-horizon).
+Where the narrow prior of the coefficients forbids the law, the evidence widens it for a few of them.
 """
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from statistics import median
@@ -17,6 +19,7 @@ from dashred.core.budget import NEVER, OutOfTimeError
 from dashred.core.progress import Report
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
+from dashred.inference.fit.prior_widths import widen_by_evidence
 from dashred.inference.fit.subset_search import ProfiledProblem
 
 GROWTH = 1.3
@@ -32,6 +35,8 @@ TOLERANCE = 0.02
 REGROWTH, LOOKAHEAD = 2, 3
 # How often further candidates are added after stages have failed.
 MOST_ADDITIONS = 2
+# How often the widths are chosen again at a fit with the last ones.
+MOST_WIDENINGS = 3
 # The growth ends when it has cost as much as this many Jacobians over the whole record.
 EFFORT = 40
 
@@ -47,6 +52,7 @@ class HorizonFit:
         samples: the last horizon.
         is_complete: whether the last horizon is the whole record.
         levels: ``(samples, χ²/n)`` of each stage.
+        widened: indices of the candidates whose prior the evidence widened.
     """
 
     phi: Tensor
@@ -55,6 +61,7 @@ class HorizonFit:
     samples: int
     is_complete: bool
     levels: list[tuple[int, float]]
+    widened: tuple[int, ...] = ()
 
 
 def grow_horizon(
@@ -63,7 +70,8 @@ def grow_horizon(
     """Extend the horizon while the misfit stays near its typical level.
 
     The fit uses the candidates with the most distinct effects over the next stretch; they can
-    represent the others. If stages fail, further candidates are added.
+    represent the others. If stages fail, the prior is widened for the candidates that need it, or
+    further candidates are added.
 
     Args:
         objective: F over the whole record, with a tight prior on ξ.
@@ -79,7 +87,13 @@ def grow_horizon(
         _extend(state, count, report)
     reached = state.samples == total
     return HorizonFit(
-        state.phi, state.members, state.readings, state.samples, reached, state.levels
+        state.phi,
+        state.members,
+        state.readings,
+        state.samples,
+        reached,
+        state.levels,
+        state.widened,
     )
 
 
@@ -94,11 +108,26 @@ class _HorizonState:
     readings: Tensor = field(default_factory=lambda: torch.empty(0))
     levels: list[tuple[int, float]] = field(default_factory=list)
     effort: int = 0
+    narrow: Tensor = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Keep the prior stds before any of them is widened."""
+        self.narrow = self.objective.prior_std
+
+    @property
+    def widened(self) -> tuple[int, ...]:
+        """The candidates whose prior was widened."""
+        return tuple(torch.nonzero(self.objective.prior_std > self.narrow).flatten().tolist())
 
     def fit_first(self) -> None:
         """Fit the first horizon, which is short enough to have no deadline."""
-        problem = replace(self.objective, deadline=NEVER)
-        self._adopt(self._fit(problem, self.members, self.samples, STAGE_STEPS), self.samples)
+        deadline, self.objective = self.objective.deadline, replace(self.objective, deadline=NEVER)
+        self._adopt(
+            self._fit(self.objective, self.members, self.samples, STAGE_STEPS), self.samples
+        )
+        if not self.levels[0][1] <= DIVERGED and self.members:
+            self.widen(self.samples)
+        self.objective = replace(self.objective, deadline=deadline)
 
     def advance(self, further: int, steps: int) -> bool:
         """Fit more samples; return whether the misfit stays near its typical level."""
@@ -109,13 +138,73 @@ class _HorizonState:
         self._adopt(fitted, further)
         return True
 
-    def replace_candidates(self, members: tuple[int, ...]) -> None:
+    def choose_candidates(self, count: int) -> None:
+        """Choose the candidates with the most distinct effects at the present horizon."""
+        if not self.widened:
+            self._replace(_most_distinct(self.objective, self.phi, self.samples, count))
+
+    def add_candidates(self, count: int) -> None:
+        """Add the candidates with the most distinct effects at the present horizon."""
+        others = _most_distinct(self.objective, self.phi, self.samples, count)
+        self._replace(tuple(sorted({*self.members, *others})))
+
+    def _replace(self, members: tuple[int, ...]) -> None:
         """Use other candidates from now on, if they fit the present horizon as well."""
         fitted = self._fit(self.objective, members, self.samples, STAGE_STEPS)
         if members and self._level(fitted, self.samples) <= DIVERGED * self._typical_level:
             self.members = members
             self.levels.pop()
             self._adopt(fitted, self.samples)
+
+    def widen(self, samples: int) -> bool:
+        """Fit some samples with the prior that the evidence chooses for each candidate.
+
+        The problem is linearised at the last fit, so the choice is repeated at its own fit.
+
+        Returns:
+            whether the misfit stays near its typical level. The first horizon has none: there the
+            widths are kept if they lower F by more than their penalty.
+        """
+        found = self._widenings(samples)
+        if not found:
+            return False
+        _, fitted, widths = min(found, key=lambda each: each[0])
+        is_first = samples == self.samples == self.levels[0][0]
+        if is_first:
+            if not fitted.chi2 < self.levels[0][1] * self.objective.noise.truncate(samples).count:
+                return False
+            self.levels.pop()
+        elif not self._level(fitted, samples) <= DIVERGED * self._typical_level:
+            return False
+        self.objective = replace(self.objective, prior_std=widths)
+        self.members = tuple(range(len(widths)))
+        self._adopt(fitted, samples)
+        return True
+
+    def _widenings(self, samples: int) -> list[tuple[float, FitResult, Tensor]]:
+        """Return fits with widths chosen by the evidence: F and the penalty, fit, prior stds."""
+        candidates = self.objective.forward_model.law.candidates
+        limits = torch.tensor([c.limit for c in candidates], dtype=torch.float64)
+        penalty = 2 * math.log(max(2, len(limits)))
+        phi, widths = self.phi, self.objective.prior_std
+        found: list[tuple[float, FitResult, Tensor]] = []
+        for _ in range(MOST_WIDENINGS):
+            whole = replace(self.objective, prior_std=widths).truncate(samples)
+            normal = whole.linearise(phi)
+            self.effort += samples
+            if not normal.is_finite:
+                break
+            profiled = ProfiledProblem.from_normal_equations(normal, whole.modes)
+            chosen = widen_by_evidence(profiled, self.narrow, limits)
+            if found and torch.equal(chosen, widths):
+                break
+            widths = chosen
+            fitted = minimise(replace(whole, prior_std=widths), phi, STAGE_STEPS, TOLERANCE)
+            self.effort += fitted.jacobians * samples
+            phi = fitted.phi
+            count = int((widths > self.narrow).sum())
+            found.append((fitted.cost + penalty * count, fitted, widths))
+        return found
 
     @property
     def _typical_level(self) -> float:
@@ -145,23 +234,26 @@ def _extend(state: _HorizonState, count: int, report: Report) -> None:
     Raises:
         OutOfTimeError: the deadline of F is over; the state is that of the last horizon reached.
     """
-    objective, total = state.objective, len(state.objective.recorded)
+    total = len(state.objective.recorded)
     chosen, additions, growth = state.samples, 0, GROWTH
     while state.samples < total and state.effort < EFFORT * total:
         if REGROWTH * chosen <= state.samples <= total / REGROWTH and growth == GROWTH:
             chosen = state.samples
-            state.replace_candidates(_most_distinct(objective, state.phi, chosen, count))
+            state.choose_candidates(count)
         further = min(total, max(state.samples + 1, round(state.samples * growth)))
         if state.advance(further, STAGE_STEPS if growth == GROWTH else 2 * STAGE_STEPS):
             growth = GROWTH
             report(further / total, f"horizon {further} of {total}, χ²/n {state.levels[-1][1]:.2f}")
             continue
         growth = 1 + (growth - 1) / 2
-        if growth <= SMALLEST_GROWTH and additions < MOST_ADDITIONS:
-            others = _most_distinct(objective, state.phi, state.samples, count)
-            state.replace_candidates(tuple(sorted({*state.members, *others})))
+        is_stuck = growth <= SMALLEST_GROWTH
+        # Widths that the evidence has chosen before may have to change at any failure.
+        if (is_stuck or state.widened) and state.widen(further):
+            growth = GROWTH
+        elif is_stuck and additions < MOST_ADDITIONS:
+            state.add_candidates(count)
             additions, growth = additions + 1, GROWTH
-        elif growth <= SMALLEST_GROWTH:
+        elif is_stuck:
             break
 
 
