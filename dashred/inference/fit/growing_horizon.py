@@ -7,7 +7,6 @@ Where the narrow prior of the coefficients forbids the law, the evidence widens 
 
 from __future__ import annotations
 
-import math
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from statistics import median
@@ -19,7 +18,7 @@ from dashred.core.budget import NEVER, OutOfTimeError
 from dashred.core.progress import Report
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
-from dashred.inference.fit.prior_widths import widen_by_evidence
+from dashred.inference.fit.prior_widths import widen_by_evidence, width_penalty
 from dashred.inference.fit.subset_search import ProfiledProblem
 
 GROWTH = 1.3
@@ -35,6 +34,9 @@ TOLERANCE = 0.02
 REGROWTH, LOOKAHEAD = 2, 3
 # How often further candidates are added after stages have failed.
 MOST_ADDITIONS = 2
+# A law that was found by widening the prior needs no fit over the next stretch if its misfit there
+# exceeds the typical misfit by no more than this factor.
+PREDICTED = 1.1
 # How often the widths are chosen again at a fit with the last ones.
 MOST_WIDENINGS = 3
 # The growth ends when it has cost as much as this many Jacobians over the whole record.
@@ -130,7 +132,15 @@ class _HorizonState:
         self.objective = replace(self.objective, deadline=deadline)
 
     def advance(self, further: int, steps: int) -> bool:
-        """Fit more samples; return whether the misfit stays near its typical level."""
+        """Fit more samples; return whether the misfit stays near its typical level.
+
+        A law that predicts them already is not fitted again, except to the whole record.
+        """
+        if self.widened and further < len(self.objective.recorded):
+            predicted = self._fit(self.objective, self.members, further, 0)
+            if self._level(predicted, further) <= PREDICTED * self._typical_level:
+                self._adopt(predicted, further)
+                return True
         fitted = self._fit(self.objective, self.members, further, steps)
         # Written with "not", because the misfit is NaN after a blow-up.
         if not self._level(fitted, further) <= DIVERGED * self._typical_level:
@@ -184,8 +194,10 @@ class _HorizonState:
     def _widenings(self, samples: int) -> list[tuple[float, FitResult, Tensor]]:
         """Return fits with widths chosen by the evidence: F and the penalty, fit, prior stds."""
         candidates = self.objective.forward_model.law.candidates
+        if not candidates:
+            return []
         limits = torch.tensor([c.limit for c in candidates], dtype=torch.float64)
-        penalty = 2 * math.log(max(2, len(limits)))
+        penalty = width_penalty(len(limits))
         phi, widths = self.phi, self.objective.prior_std
         found: list[tuple[float, FitResult, Tensor]] = []
         for _ in range(MOST_WIDENINGS):
@@ -196,7 +208,7 @@ class _HorizonState:
                 break
             profiled = ProfiledProblem.from_normal_equations(normal, whole.modes)
             chosen = widen_by_evidence(profiled, self.narrow, limits)
-            if found and torch.equal(chosen, widths):
+            if torch.equal(chosen, widths):
                 break
             widths = chosen
             fitted = minimise(replace(whole, prior_std=widths), phi, STAGE_STEPS, TOLERANCE)

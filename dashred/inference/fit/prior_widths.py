@@ -41,7 +41,7 @@ def widen_by_evidence(problem: ProfiledProblem, first: Tensor, limits: Tensor) -
         first[:, None] * torch.tensor(FACTORS, dtype=torch.float64),
         torch.maximum(limits, first)[:, None],
     )
-    penalty = 2 * math.log(max(2, count)) * (widths > first[:, None])
+    penalty = width_penalty(count) * (widths > first[:, None])
     chosen, everything = torch.zeros(count, dtype=torch.long), torch.arange(count)
     for _ in range(len(FACTORS) * count):
         costs = _evidence_by_width(problem, widths[everything, chosen], widths) + penalty
@@ -53,6 +53,11 @@ def widen_by_evidence(problem: ProfiledProblem, first: Tensor, limits: Tensor) -
             break
         chosen[candidate] = width
     return widths[everything, chosen]
+
+
+def width_penalty(count: int) -> float:
+    """Return the penalty for each widened one of some candidates: ``2 ln p``."""
+    return 2 * math.log(max(2, count))
 
 
 def _evidence_by_width(problem: ProfiledProblem, present: Tensor, widths: Tensor) -> Tensor:

@@ -122,6 +122,8 @@ def discover(
             if segments is not None and explained and not horizon.is_complete:
                 return discover_in_segments(problem, segments, child, seconds)
         log_first_guesses(run, child, guesses, guess, horizon)
+        if horizon.widened:
+            proposals = [horizon.widened, *proposals]
         objective = build_least_squares(problem, simulator, guess.start, candidates, weak)
         deadline = problem.deadline("select the law")
         objective = replace(with_residual_noise(objective, horizon), deadline=deadline)

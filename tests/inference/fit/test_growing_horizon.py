@@ -129,3 +129,55 @@ def test_a_record_of_one_window_is_complete_at_once(swing: Swing, missing: Tenso
     objective = swing.objective(NAMES, missing, SIGMA, TIGHT).truncate(6)
     found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
     assert found.is_complete and [count for count, _ in found.levels] == [6]
+
+
+STRONG = ("x**3", -3.0)
+
+
+@pytest.fixture(scope="module")
+def strong(swing: Swing) -> Tensor:
+    """A recording with a force that is far stronger than the narrow prior allows."""
+    return noisy(swing.clean(Z, STRONG[:1], STRONG[1:]), SIGMA, seed=0)
+
+
+def test_the_evidence_widens_the_prior_of_a_strong_force(swing: Swing, strong: Tensor) -> None:
+    objective = swing.objective(NAMES, strong, SIGMA, TIGHT)
+    found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
+    assert found.is_complete and found.levels[-1][1] == pytest.approx(1.0, abs=0.25)
+    assert [NAMES[j] for j in found.widened] == [STRONG[0]]
+    assert float(found.phi[2 + found.widened[0]]) == pytest.approx(STRONG[1], rel=0.1)
+
+
+def test_a_narrow_prior_alone_shrinks_a_strong_force(
+    swing: Swing, strong: Tensor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dashred.inference.fit.growing_horizon.MOST_WIDENINGS", 0)
+    objective = swing.objective(NAMES, strong, SIGMA, TIGHT)
+    found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
+    assert not found.widened and found.levels[-1][1] > 2
+    assert abs(float(found.phi[2 + NAMES.index(STRONG[0])])) < abs(STRONG[1]) / 2
+
+
+def test_a_weak_force_widens_no_prior(swing: Swing, missing: Tensor) -> None:
+    assert grown(swing, missing).widened == ()
+
+
+def test_a_stretch_that_the_widened_law_predicts_is_not_fitted(
+    swing: Swing, strong: Tensor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fits: list[tuple[int, int]] = []
+
+    def counted(
+        objective: LeastSquaresProblem, phi: Tensor, steps: int, tolerance: float
+    ) -> FitResult:
+        fits.append((len(objective.recorded), steps))
+        return minimise(objective, phi, steps, tolerance)
+
+    monkeypatch.setattr("dashred.inference.fit.growing_horizon.minimise", counted)
+    objective = swing.objective(NAMES, strong, SIGMA, TIGHT)
+    found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
+    predicted = {samples for samples, steps in fits if not steps}
+    refitted = {samples for samples, steps in fits if steps}
+    assert found.is_complete and predicted - refitted
+    # The whole record is always fitted.
+    assert len(TIMES) in refitted - predicted
