@@ -2,7 +2,7 @@
 
 Over a long stretch the misfit of a wrong start has many false minima. Over a short one it has none,
 and its solution is a good first guess for a slightly longer one (docs/method.md#growing-horizon).
-Where the narrow prior of the coefficients forbids the law, the evidence widens it for a few of them.
+Where the narrow prior of the coefficients forbids the law, the evidence widens it for a few.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from dashred.core.budget import NEVER, OutOfTimeError
 from dashred.core.progress import Report
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
-from dashred.inference.fit.prior_widths import widen_by_evidence, width_penalty
 from dashred.inference.fit.subset_search import ProfiledProblem
+from dashred.inference.fit.widened_fit import fit_widened
 
 GROWTH = 1.3
 # A stage that fails is fitted again with less growth, down to this.
@@ -37,8 +37,6 @@ MOST_ADDITIONS = 2
 # A law that was found by widening the prior needs no fit over the next stretch if its misfit there
 # exceeds the typical misfit by no more than this factor.
 PREDICTED = 1.1
-# How often the widths are chosen again at a fit with the last ones.
-MOST_WIDENINGS = 3
 # The growth ends when it has cost as much as this many Jacobians over the whole record.
 EFFORT = 40
 
@@ -55,6 +53,7 @@ class HorizonFit:
         is_complete: whether the last horizon is the whole record.
         levels: ``(samples, χ²/n)`` of each stage.
         widened: indices of the candidates whose prior the evidence widened.
+        widest: the largest factor by which it was widened.
     """
 
     phi: Tensor
@@ -64,6 +63,7 @@ class HorizonFit:
     is_complete: bool
     levels: list[tuple[int, float]]
     widened: tuple[int, ...] = ()
+    widest: float = 1.0
 
 
 def grow_horizon(
@@ -96,6 +96,7 @@ def grow_horizon(
         reached,
         state.levels,
         state.widened,
+        state.widest,
     )
 
 
@@ -120,6 +121,12 @@ class _HorizonState:
     def widened(self) -> tuple[int, ...]:
         """The candidates whose prior was widened."""
         return tuple(torch.nonzero(self.objective.prior_std > self.narrow).flatten().tolist())
+
+    @property
+    def widest(self) -> float:
+        """The largest factor by which a prior was widened."""
+        factors = self.objective.prior_std / self.narrow
+        return float(factors.max()) if len(factors) else 1.0
 
     def fit_first(self) -> None:
         """Fit the first horizon, which is short enough to have no deadline."""
@@ -169,54 +176,25 @@ class _HorizonState:
     def widen(self, samples: int) -> bool:
         """Fit some samples with the prior that the evidence chooses for each candidate.
 
-        The problem is linearised at the last fit, so the choice is repeated at its own fit.
-
         Returns:
-            whether the misfit stays near its typical level. The first horizon has none: there the
-            widths are kept if they lower F by more than their penalty.
+            whether the misfit stays near its typical level. In the first window, which has none,
+            the misfit has to be lower than before.
         """
-        found = self._widenings(samples)
-        if not found:
+        problem = self.objective.truncate(samples)
+        found, jacobians = fit_widened(problem, self.narrow, self.phi, STAGE_STEPS, TOLERANCE)
+        self.effort += jacobians * samples
+        if found is None:
             return False
-        _, fitted, widths = min(found, key=lambda each: each[0])
-        is_first = samples == self.samples == self.levels[0][0]
+        is_first = samples == self.samples
+        bound = self.levels[-1][1] if is_first else DIVERGED * self._typical_level
+        if not self._level(found.fitted, samples) <= bound:
+            return False
         if is_first:
-            if not fitted.chi2 < self.levels[0][1] * self.objective.noise.truncate(samples).count:
-                return False
             self.levels.pop()
-        elif not self._level(fitted, samples) <= DIVERGED * self._typical_level:
-            return False
-        self.objective = replace(self.objective, prior_std=widths)
-        self.members = tuple(range(len(widths)))
-        self._adopt(fitted, samples)
+        self.objective = replace(self.objective, prior_std=found.prior_std)
+        self.members = tuple(range(len(found.prior_std)))
+        self._adopt(found.fitted, samples)
         return True
-
-    def _widenings(self, samples: int) -> list[tuple[float, FitResult, Tensor]]:
-        """Return fits with widths chosen by the evidence: F and the penalty, fit, prior stds."""
-        candidates = self.objective.forward_model.law.candidates
-        if not candidates:
-            return []
-        limits = torch.tensor([c.limit for c in candidates], dtype=torch.float64)
-        penalty = width_penalty(len(limits))
-        phi, widths = self.phi, self.objective.prior_std
-        found: list[tuple[float, FitResult, Tensor]] = []
-        for _ in range(MOST_WIDENINGS):
-            whole = replace(self.objective, prior_std=widths).truncate(samples)
-            normal = whole.linearise(phi)
-            self.effort += samples
-            if not normal.is_finite:
-                break
-            profiled = ProfiledProblem.from_normal_equations(normal, whole.modes)
-            chosen = widen_by_evidence(profiled, self.narrow, limits)
-            if torch.equal(chosen, widths):
-                break
-            widths = chosen
-            fitted = minimise(replace(whole, prior_std=widths), phi, STAGE_STEPS, TOLERANCE)
-            self.effort += fitted.jacobians * samples
-            phi = fitted.phi
-            count = int((widths > self.narrow).sum())
-            found.append((fitted.cost + penalty * count, fitted, widths))
-        return found
 
     @property
     def _typical_level(self) -> float:

@@ -90,7 +90,8 @@ def test_a_fit_that_blows_up_is_rejected(
         lost = len(objective.recorded) > LATE
         return replace(found, cost=math.inf, chi2=math.nan) if lost else found
 
-    monkeypatch.setattr("dashred.inference.fit.growing_horizon.minimise", blown)
+    for name in ("growing_horizon", "widened_fit"):
+        monkeypatch.setattr(f"dashred.inference.fit.{name}.minimise", blown)
     found = grown(swing, missing)
     assert not found.is_complete and LATE - 5 <= found.samples <= LATE
     assert all(math.isfinite(level) for _, level in found.levels)
@@ -145,13 +146,14 @@ def test_the_evidence_widens_the_prior_of_a_strong_force(swing: Swing, strong: T
     found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
     assert found.is_complete and found.levels[-1][1] == pytest.approx(1.0, abs=0.25)
     assert [NAMES[j] for j in found.widened] == [STRONG[0]]
+    assert found.widest > 1
     assert float(found.phi[2 + found.widened[0]]) == pytest.approx(STRONG[1], rel=0.1)
 
 
 def test_a_narrow_prior_alone_shrinks_a_strong_force(
     swing: Swing, strong: Tensor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("dashred.inference.fit.growing_horizon.MOST_WIDENINGS", 0)
+    monkeypatch.setattr("dashred.inference.fit.widened_fit.ROUNDS", 0)
     objective = swing.objective(NAMES, strong, SIGMA, TIGHT)
     found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
     assert not found.widened and found.levels[-1][1] > 2
