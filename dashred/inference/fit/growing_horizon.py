@@ -34,8 +34,7 @@ TOLERANCE = 0.02
 REGROWTH, LOOKAHEAD = 2, 3
 # How often further candidates are added after stages have failed.
 MOST_ADDITIONS = 2
-# A law that was found by widening the prior needs no fit over the next stretch if its misfit there
-# exceeds the typical misfit by no more than this factor.
+# Of a widened prior, a law needs no fit over the next stretch if its χ²/n there is at most this.
 PREDICTED = 1.1
 # The growth ends when it has cost as much as this many Jacobians over the whole record.
 EFFORT = 40
@@ -145,7 +144,7 @@ class _HorizonState:
         """
         if self.widened and further < len(self.objective.recorded):
             predicted = self._fit(self.objective, self.members, further, 0)
-            if self._level(predicted, further) <= PREDICTED * self._typical_level:
+            if self._level(predicted, further) <= PREDICTED:
                 self._adopt(predicted, further)
                 return True
         fitted = self._fit(self.objective, self.members, further, steps)

@@ -65,8 +65,8 @@ def fit_widened(
         if torch.equal(chosen, objective.prior_std):
             break
         objective = replace(objective, prior_std=chosen)
-        fitted = minimise(objective, phi, steps, tolerance)
-        phi, jacobians = fitted.phi, jacobians + fitted.jacobians
+        fitted = minimise(objective, phi, steps, tolerance, normal)
+        phi, jacobians = fitted.phi, jacobians + max(0, fitted.jacobians - 1)
         cost = fitted.cost + width_penalty(len(limits)) * int((chosen > narrow).sum())
         if best is None or cost < best.cost:
             best = WidenedFit(fitted, chosen, cost)

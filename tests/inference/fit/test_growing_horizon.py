@@ -12,7 +12,7 @@ from torch import Tensor
 
 from dashred.inference.fit.first_window import first_samples, fit_first_window
 from dashred.inference.fit.growing_horizon import DIVERGED, GROWTH, HorizonFit, grow_horizon
-from dashred.inference.fit.least_squares import LeastSquaresProblem
+from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from tests.swing import FORCES, TIMES, Swing, noisy
 
@@ -84,9 +84,13 @@ def test_a_fit_that_blows_up_is_rejected(
     swing: Swing, missing: Tensor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def blown(
-        objective: LeastSquaresProblem, phi: Tensor, steps: int, tolerance: float
+        objective: LeastSquaresProblem,
+        phi: Tensor,
+        steps: int,
+        tolerance: float,
+        known: NormalEquations | None = None,
     ) -> FitResult:
-        found = minimise(objective, phi, steps, tolerance)
+        found = minimise(objective, phi, steps, tolerance, known)
         lost = len(objective.recorded) > LATE
         return replace(found, cost=math.inf, chi2=math.nan) if lost else found
 
