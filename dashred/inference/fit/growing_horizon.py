@@ -18,7 +18,7 @@ from dashred.core.budget import NEVER, OutOfTimeError
 from dashred.core.progress import Report
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
-from dashred.inference.fit.subset_search import ProfiledProblem
+from dashred.inference.fit.subset_search import most_distinct_candidates
 from dashred.inference.fit.widened_fit import fit_widened
 
 GROWTH = 1.3
@@ -29,9 +29,9 @@ DIVERGED = 1.3
 STAGE_STEPS = 6
 # A stage ends at a step that lowers F by a smaller share.
 TOLERANCE = 0.02
-# The candidates are chosen again whenever the horizon has grown by the first factor, as long as it
-# still has to grow by it. Their effects are compared up to the second factor times the horizon.
-REGROWTH, LOOKAHEAD = 2, 3
+# The candidates are chosen again whenever the horizon has grown by this factor, as long as it still
+# has to grow by it.
+REGROWTH = 2
 # How often further candidates are added after stages have failed.
 MOST_ADDITIONS = 2
 # Of a widened prior, a law needs no fit over the next stretch if its χ²/n there is at most this.
@@ -82,7 +82,9 @@ def grow_horizon(
         report: progress.
     """
     total = len(objective.recorded)
-    state = _HorizonState(objective, phi, samples, _most_distinct(objective, phi, samples, count))
+    state = _HorizonState(
+        objective, phi, samples, most_distinct_candidates(objective, phi, samples, count)
+    )
     state.fit_first()
     with suppress(OutOfTimeError):
         _extend(state, count, report)
@@ -157,11 +159,11 @@ class _HorizonState:
     def choose_candidates(self, count: int) -> None:
         """Choose the candidates with the most distinct effects at the present horizon."""
         if not self.widened:
-            self._replace(_most_distinct(self.objective, self.phi, self.samples, count))
+            self._replace(most_distinct_candidates(self.objective, self.phi, self.samples, count))
 
     def add_candidates(self, count: int) -> None:
         """Add the candidates with the most distinct effects at the present horizon."""
-        others = _most_distinct(self.objective, self.phi, self.samples, count)
+        others = most_distinct_candidates(self.objective, self.phi, self.samples, count)
         self._replace(tuple(sorted({*self.members, *others})))
 
     def _replace(self, members: tuple[int, ...]) -> None:
@@ -244,23 +246,3 @@ def _extend(state: _HorizonState, count: int, report: Report) -> None:
             additions, growth = additions + 1, GROWTH
         elif is_stuck:
             break
-
-
-def _most_distinct(
-    objective: LeastSquaresProblem, phi: Tensor, samples: int, count: int
-) -> tuple[int, ...]:
-    """Return the candidates with the most distinct effects, over a stretch beyond the horizon.
-
-    If the run blows up there, the horizon itself is used; if it blows up too, there are none.
-    """
-    all_members = tuple(range(len(objective.prior_std)))
-    if count >= len(all_members):
-        return all_members
-    for samples_ahead in (LOOKAHEAD * samples, samples):
-        window = objective.truncate(min(len(objective.recorded), samples_ahead))
-        normal = window.linearise(phi)
-        if normal.is_finite:
-            return ProfiledProblem.from_normal_equations(normal, objective.modes).most_distinct(
-                count
-            )
-    return ()
