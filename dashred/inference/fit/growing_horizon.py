@@ -2,6 +2,7 @@
 
 Over a long stretch the misfit of a wrong start has many false minima. Over a short one it has none,
 and its solution is a good first guess for a slightly longer one (docs/method.md#growing-horizon).
+Where the narrow prior of the coefficients forbids the law, the evidence widens it for a few.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from dashred.core.budget import NEVER, OutOfTimeError
 from dashred.core.progress import Report
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
-from dashred.inference.fit.subset_search import ProfiledProblem
+from dashred.inference.fit.subset_search import most_distinct_candidates
+from dashred.inference.fit.widened_fit import fit_widened
 
 GROWTH = 1.3
 # A stage that fails is fitted again with less growth, down to this.
@@ -27,11 +29,13 @@ DIVERGED = 1.3
 STAGE_STEPS = 6
 # A stage ends at a step that lowers F by a smaller share.
 TOLERANCE = 0.02
-# The candidates are chosen again whenever the horizon has grown by the first factor, as long as it
-# still has to grow by it. Their effects are compared up to the second factor times the horizon.
-REGROWTH, LOOKAHEAD = 2, 3
+# The candidates are chosen again whenever the horizon has grown by this factor, as long as it still
+# has to grow by it.
+REGROWTH = 2
 # How often further candidates are added after stages have failed.
 MOST_ADDITIONS = 2
+# Of a widened prior, a law needs no fit over the next stretch if its χ²/n there is at most this.
+PREDICTED = 1.1
 # The growth ends when it has cost as much as this many Jacobians over the whole record.
 EFFORT = 40
 
@@ -47,6 +51,8 @@ class HorizonFit:
         samples: the last horizon.
         is_complete: whether the last horizon is the whole record.
         levels: ``(samples, χ²/n)`` of each stage.
+        widened: indices of the candidates whose prior the evidence widened.
+        widest: the largest factor by which it was widened.
     """
 
     phi: Tensor
@@ -55,6 +61,8 @@ class HorizonFit:
     samples: int
     is_complete: bool
     levels: list[tuple[int, float]]
+    widened: tuple[int, ...] = ()
+    widest: float = 1.0
 
 
 def grow_horizon(
@@ -63,7 +71,8 @@ def grow_horizon(
     """Extend the horizon while the misfit stays near its typical level.
 
     The fit uses the candidates with the most distinct effects over the next stretch; they can
-    represent the others. If stages fail, further candidates are added.
+    represent the others. If stages fail, the prior is widened for the candidates that need it, or
+    further candidates are added.
 
     Args:
         objective: F over the whole record, with a tight prior on ξ.
@@ -73,13 +82,22 @@ def grow_horizon(
         report: progress.
     """
     total = len(objective.recorded)
-    state = _HorizonState(objective, phi, samples, _most_distinct(objective, phi, samples, count))
+    state = _HorizonState(
+        objective, phi, samples, most_distinct_candidates(objective, phi, samples, count)
+    )
     state.fit_first()
     with suppress(OutOfTimeError):
         _extend(state, count, report)
     reached = state.samples == total
     return HorizonFit(
-        state.phi, state.members, state.readings, state.samples, reached, state.levels
+        state.phi,
+        state.members,
+        state.readings,
+        state.samples,
+        reached,
+        state.levels,
+        state.widened,
+        state.widest,
     )
 
 
@@ -94,14 +112,43 @@ class _HorizonState:
     readings: Tensor = field(default_factory=lambda: torch.empty(0))
     levels: list[tuple[int, float]] = field(default_factory=list)
     effort: int = 0
+    narrow: Tensor = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Keep the prior stds before any of them is widened."""
+        self.narrow = self.objective.prior_std
+
+    @property
+    def widened(self) -> tuple[int, ...]:
+        """The candidates whose prior was widened."""
+        return tuple(torch.nonzero(self.objective.prior_std > self.narrow).flatten().tolist())
+
+    @property
+    def widest(self) -> float:
+        """The largest factor by which a prior was widened."""
+        factors = self.objective.prior_std / self.narrow
+        return float(factors.max()) if len(factors) else 1.0
 
     def fit_first(self) -> None:
         """Fit the first horizon, which is short enough to have no deadline."""
-        problem = replace(self.objective, deadline=NEVER)
-        self._adopt(self._fit(problem, self.members, self.samples, STAGE_STEPS), self.samples)
+        deadline, self.objective = self.objective.deadline, replace(self.objective, deadline=NEVER)
+        self._adopt(
+            self._fit(self.objective, self.members, self.samples, STAGE_STEPS), self.samples
+        )
+        if not self.levels[0][1] <= DIVERGED and self.members:
+            self.widen(self.samples)
+        self.objective = replace(self.objective, deadline=deadline)
 
     def advance(self, further: int, steps: int) -> bool:
-        """Fit more samples; return whether the misfit stays near its typical level."""
+        """Fit more samples; return whether the misfit stays near its typical level.
+
+        A law that predicts them already is not fitted again, except to the whole record.
+        """
+        if self.widened and further < len(self.objective.recorded):
+            predicted = self._fit(self.objective, self.members, further, 0)
+            if self._level(predicted, further) <= PREDICTED:
+                self._adopt(predicted, further)
+                return True
         fitted = self._fit(self.objective, self.members, further, steps)
         # Written with "not", because the misfit is NaN after a blow-up.
         if not self._level(fitted, further) <= DIVERGED * self._typical_level:
@@ -109,13 +156,46 @@ class _HorizonState:
         self._adopt(fitted, further)
         return True
 
-    def replace_candidates(self, members: tuple[int, ...]) -> None:
+    def choose_candidates(self, count: int) -> None:
+        """Choose the candidates with the most distinct effects at the present horizon."""
+        if not self.widened:
+            self._replace(most_distinct_candidates(self.objective, self.phi, self.samples, count))
+
+    def add_candidates(self, count: int) -> None:
+        """Add the candidates with the most distinct effects at the present horizon."""
+        others = most_distinct_candidates(self.objective, self.phi, self.samples, count)
+        self._replace(tuple(sorted({*self.members, *others})))
+
+    def _replace(self, members: tuple[int, ...]) -> None:
         """Use other candidates from now on, if they fit the present horizon as well."""
         fitted = self._fit(self.objective, members, self.samples, STAGE_STEPS)
         if members and self._level(fitted, self.samples) <= DIVERGED * self._typical_level:
             self.members = members
             self.levels.pop()
             self._adopt(fitted, self.samples)
+
+    def widen(self, samples: int) -> bool:
+        """Fit some samples with the prior that the evidence chooses for each candidate.
+
+        Returns:
+            whether the misfit stays near its typical level. In the first window, which has none,
+            the misfit has to be lower than before.
+        """
+        problem = self.objective.truncate(samples)
+        found, jacobians = fit_widened(problem, self.narrow, self.phi, STAGE_STEPS, TOLERANCE)
+        self.effort += jacobians * samples
+        if found is None:
+            return False
+        is_first = samples == self.samples
+        bound = self.levels[-1][1] if is_first else DIVERGED * self._typical_level
+        if not self._level(found.fitted, samples) <= bound:
+            return False
+        if is_first:
+            self.levels.pop()
+        self.objective = replace(self.objective, prior_std=found.prior_std)
+        self.members = tuple(range(len(found.prior_std)))
+        self._adopt(found.fitted, samples)
+        return True
 
     @property
     def _typical_level(self) -> float:
@@ -145,41 +225,24 @@ def _extend(state: _HorizonState, count: int, report: Report) -> None:
     Raises:
         OutOfTimeError: the deadline of F is over; the state is that of the last horizon reached.
     """
-    objective, total = state.objective, len(state.objective.recorded)
+    total = len(state.objective.recorded)
     chosen, additions, growth = state.samples, 0, GROWTH
     while state.samples < total and state.effort < EFFORT * total:
         if REGROWTH * chosen <= state.samples <= total / REGROWTH and growth == GROWTH:
             chosen = state.samples
-            state.replace_candidates(_most_distinct(objective, state.phi, chosen, count))
+            state.choose_candidates(count)
         further = min(total, max(state.samples + 1, round(state.samples * growth)))
         if state.advance(further, STAGE_STEPS if growth == GROWTH else 2 * STAGE_STEPS):
             growth = GROWTH
             report(further / total, f"horizon {further} of {total}, χ²/n {state.levels[-1][1]:.2f}")
             continue
         growth = 1 + (growth - 1) / 2
-        if growth <= SMALLEST_GROWTH and additions < MOST_ADDITIONS:
-            others = _most_distinct(objective, state.phi, state.samples, count)
-            state.replace_candidates(tuple(sorted({*state.members, *others})))
+        is_stuck = growth <= SMALLEST_GROWTH
+        # Widths that the evidence has chosen before may have to change at any failure.
+        if (is_stuck or state.widened) and state.widen(further):
+            growth = GROWTH
+        elif is_stuck and additions < MOST_ADDITIONS:
+            state.add_candidates(count)
             additions, growth = additions + 1, GROWTH
-        elif growth <= SMALLEST_GROWTH:
+        elif is_stuck:
             break
-
-
-def _most_distinct(
-    objective: LeastSquaresProblem, phi: Tensor, samples: int, count: int
-) -> tuple[int, ...]:
-    """Return the candidates with the most distinct effects, over a stretch beyond the horizon.
-
-    If the run blows up there, the horizon itself is used; if it blows up too, there are none.
-    """
-    all_members = tuple(range(len(objective.prior_std)))
-    if count >= len(all_members):
-        return all_members
-    for samples_ahead in (LOOKAHEAD * samples, samples):
-        window = objective.truncate(min(len(objective.recorded), samples_ahead))
-        normal = window.linearise(phi)
-        if normal.is_finite:
-            return ProfiledProblem.from_normal_equations(normal, objective.modes).most_distinct(
-                count
-            )
-    return ()

@@ -15,10 +15,12 @@ from jaxtyping import Float
 from scipy.linalg import qr
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import NormalEquations
+from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.normal_equations import solve
 
 CHUNK = 20000
+# The effects of candidates are compared up to this factor times the horizon.
+LOOKAHEAD = 3
 
 
 @dataclass(frozen=True)
@@ -125,3 +127,28 @@ def backward_path(problem: ProfiledProblem, largest: int) -> list[tuple[int, ...
         rise = solved.square() / inverse.diagonal()
         del remaining[int(rise.argmin())]
     return path
+
+
+def most_distinct_candidates(
+    objective: LeastSquaresProblem, phi: Tensor, samples: int, count: int
+) -> tuple[int, ...]:
+    """Return the candidates with the most distinct effects, over a stretch beyond the horizon.
+
+    If the run blows up there, the horizon itself is used; if it blows up too, there are none.
+
+    Args:
+        objective: F of all candidates over the whole record.
+        phi: a fit up to the horizon, ``(unknown,)``.
+        samples: the horizon.
+        count: number of candidates.
+    """
+    all_members = tuple(range(len(objective.prior_std)))
+    if count >= len(all_members):
+        return all_members
+    for samples_ahead in (LOOKAHEAD * samples, samples):
+        window = objective.truncate(min(len(objective.recorded), samples_ahead))
+        normal = window.linearise(phi)
+        if normal.is_finite:
+            profiled = ProfiledProblem.from_normal_equations(normal, objective.modes)
+            return profiled.most_distinct(count)
+    return ()

@@ -30,6 +30,7 @@ from dashred.pipeline.discovery.headline_law import headline_law, with_headline
 from dashred.pipeline.discovery.horizon_stage import (
     extend_horizon,
     fit_from_first_guesses,
+    selection_prior,
     with_residual_noise,
 )
 from dashred.pipeline.discovery.hypothesis_stage import (
@@ -122,6 +123,9 @@ def discover(
             if segments is not None and explained and not horizon.is_complete:
                 return discover_in_segments(problem, segments, child, seconds)
         log_first_guesses(run, child, guesses, guess, horizon)
+        if horizon.widened:
+            proposals = [horizon.widened, *proposals]
+            weak = selection_prior(problem.config.discovery.tight, weak, horizon)
         objective = build_least_squares(problem, simulator, guess.start, candidates, weak)
         deadline = problem.deadline("select the law")
         objective = replace(with_residual_noise(objective, horizon), deadline=deadline)

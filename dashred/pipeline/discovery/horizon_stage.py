@@ -63,6 +63,21 @@ def fit_from_first_guesses(
     return best
 
 
+def selection_prior(tight: float, weak: float, horizon: HorizonFit) -> float:
+    """Return the prior std of the coefficients in the selection, in their natural scales.
+
+    It is the weak one, unless the evidence of the growing horizon needed a wider one: then
+    all candidates get it. A prior that is too narrow for the law would prefer several nearly
+    proportional terms, which share its coefficient, to the one true term.
+
+    Args:
+        tight: prior std while the horizon grows.
+        weak: smallest prior std in the selection.
+        horizon: fit whose prior may have been widened.
+    """
+    return max(weak, tight * horizon.widest)
+
+
 def with_residual_noise(objective: LeastSquaresProblem, horizon: HorizonFit) -> LeastSquaresProblem:
     """Return the least-squares problem with the noise estimated from the residuals of a fit.
 

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from dashred.inference.fit.first_window import first_samples, fit_first_window
 from dashred.inference.fit.growing_horizon import DIVERGED, GROWTH, HorizonFit, grow_horizon
-from dashred.inference.fit.least_squares import LeastSquaresProblem
+from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from tests.swing import FORCES, TIMES, Swing, noisy
 
@@ -84,13 +84,18 @@ def test_a_fit_that_blows_up_is_rejected(
     swing: Swing, missing: Tensor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def blown(
-        objective: LeastSquaresProblem, phi: Tensor, steps: int, tolerance: float
+        objective: LeastSquaresProblem,
+        phi: Tensor,
+        steps: int,
+        tolerance: float,
+        known: NormalEquations | None = None,
     ) -> FitResult:
-        found = minimise(objective, phi, steps, tolerance)
+        found = minimise(objective, phi, steps, tolerance, known)
         lost = len(objective.recorded) > LATE
         return replace(found, cost=math.inf, chi2=math.nan) if lost else found
 
-    monkeypatch.setattr("dashred.inference.fit.growing_horizon.minimise", blown)
+    for name in ("growing_horizon", "widened_fit"):
+        monkeypatch.setattr(f"dashred.inference.fit.{name}.minimise", blown)
     found = grown(swing, missing)
     assert not found.is_complete and LATE - 5 <= found.samples <= LATE
     assert all(math.isfinite(level) for _, level in found.levels)
@@ -129,3 +134,56 @@ def test_a_record_of_one_window_is_complete_at_once(swing: Swing, missing: Tenso
     objective = swing.objective(NAMES, missing, SIGMA, TIGHT).truncate(6)
     found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
     assert found.is_complete and [count for count, _ in found.levels] == [6]
+
+
+STRONG = ("x**3", -3.0)
+
+
+@pytest.fixture(scope="module")
+def strong(swing: Swing) -> Tensor:
+    """A recording with a force that is far stronger than the narrow prior allows."""
+    return noisy(swing.clean(Z, STRONG[:1], STRONG[1:]), SIGMA, seed=0)
+
+
+def test_the_evidence_widens_the_prior_of_a_strong_force(swing: Swing, strong: Tensor) -> None:
+    objective = swing.objective(NAMES, strong, SIGMA, TIGHT)
+    found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
+    assert found.is_complete and found.levels[-1][1] == pytest.approx(1.0, abs=0.25)
+    assert [NAMES[j] for j in found.widened] == [STRONG[0]]
+    assert found.widest > 1
+    assert float(found.phi[2 + found.widened[0]]) == pytest.approx(STRONG[1], rel=0.1)
+
+
+def test_a_narrow_prior_alone_shrinks_a_strong_force(
+    swing: Swing, strong: Tensor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dashred.inference.fit.widened_fit.ROUNDS", 0)
+    objective = swing.objective(NAMES, strong, SIGMA, TIGHT)
+    found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
+    assert not found.widened and found.levels[-1][1] > 2
+    assert abs(float(found.phi[2 + NAMES.index(STRONG[0])])) < abs(STRONG[1]) / 2
+
+
+def test_a_weak_force_widens_no_prior(swing: Swing, missing: Tensor) -> None:
+    assert grown(swing, missing).widened == ()
+
+
+def test_a_stretch_that_the_widened_law_predicts_is_not_fitted(
+    swing: Swing, strong: Tensor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fits: list[tuple[int, int]] = []
+
+    def counted(
+        objective: LeastSquaresProblem, phi: Tensor, steps: int, tolerance: float
+    ) -> FitResult:
+        fits.append((len(objective.recorded), steps))
+        return minimise(objective, phi, steps, tolerance)
+
+    monkeypatch.setattr("dashred.inference.fit.growing_horizon.minimise", counted)
+    objective = swing.objective(NAMES, strong, SIGMA, TIGHT)
+    found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
+    predicted = {samples for samples, steps in fits if not steps}
+    refitted = {samples for samples, steps in fits if steps}
+    assert found.is_complete and predicted - refitted
+    # The whole record is always fitted.
+    assert len(TIMES) in refitted - predicted
