@@ -38,7 +38,7 @@ class Forecast:
 
 
 def forecast_of(errors: Tensor) -> Forecast:
-    """Return the size of the errors of a forecast; infinite if it blows up.
+    """Return the size of the errors of a forecast; infinite if it blows up or has no samples.
 
     Args:
         errors: whitened, ``(time, sensor)``; NaN where missing.
@@ -46,7 +46,10 @@ def forecast_of(errors: Tensor) -> Forecast:
     if bool(torch.isinf(errors).any()):
         return Forecast(math.inf, 0.0)
     blocks = [block.square().nanmean() for block in errors.tensor_split(BLOCKS) if len(block)]
-    means = torch.stack([mean for mean in blocks if not mean.isnan()])
+    known = [mean for mean in blocks if not mean.isnan()]
+    if not known:
+        return Forecast(math.inf, 0.0)
+    means = torch.stack(known)
     rmse = float(means.mean().sqrt())
     spread = float(means.std() / math.sqrt(len(means))) if len(means) > 1 else 0.0
     return Forecast(rmse, spread / (2 * rmse) if rmse else 0.0)

@@ -75,7 +75,9 @@ def forecast(search: SegmentSearch, law: SegmentLaw, length: int) -> Forecast:
     apart = problem.read(ahead, point, members) - segments.readings
     # Only forecasts from within the last part count.
     counts = late & (origin >= 0) & late[origin]
-    errors = np.where(np.isfinite(segments.readings), apart / problem.noise_std, np.nan)
+    # After a blow-up the forecast is NaN.
+    errors = np.where(np.isfinite(apart), apart / problem.noise_std, np.inf)
+    errors = np.where(np.isfinite(segments.readings), errors, np.nan)
     return forecast_of(torch.from_numpy(errors[counts].reshape(-1, errors.shape[-1])))
 
 

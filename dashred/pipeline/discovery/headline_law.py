@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -117,5 +118,6 @@ def _forecast(objective: LeastSquaresProblem, tried: RefittedSet) -> Forecast:
 
 
 def _scaled_errors(law: LeastSquaresProblem, readings: Tensor) -> Tensor:
+    # After a blow-up the readings are NaN.
     errors = (readings - law.recorded) / law.noise.std
-    return errors.where(law.noise.available, float("nan"))
+    return errors.where(errors.isfinite(), math.inf).where(law.noise.available, math.nan)
