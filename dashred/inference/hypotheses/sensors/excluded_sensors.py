@@ -25,6 +25,7 @@ from dashred.inference.sensor_faults.fault_search import (
     largest_count,
 )
 from dashred.inference.sensor_faults.fault_table import fault_in_units
+from dashred.inference.sensor_faults.neighbours import has_neighbours
 
 # Smallest gain of a fault, in units of the mean misfit of the forcing. A forcing is coarse, so its
 # residual at a sound sensor may look like a fault with a smaller gain.
@@ -46,8 +47,11 @@ def find_faults_beside_forcing(forcing: FreeForcing) -> FaultSet:
     margin = MIN_MISFITS * max(1.0, forcing.cost / objective.noise.count)
     columns, count = range(objective.recorded.shape[1]), largest_count(objective)
     found = find_faults(problem, columns, FAULT_KINDS, count, margin)
-    wanders = any(fault.kind == "wandering" for fault in found.faults)
-    if not wanders or found.cost < MAX_CHI2 * objective.noise.count:
+    block, system = objective.forward_model.sensors, objective.forward_model.simulator.system
+    wandering = [block.sensors[f.sensor] for f in found.faults if f.kind == "wandering"]
+    # A curve can also imitate a local law, at all sensors where it acts.
+    is_local = has_neighbours(block.operator.sensors, wandering, system.axes)
+    if not wandering or (found.cost < MAX_CHI2 * objective.noise.count and not is_local):
         return found
     others = FAULT_KINDS.keys() - {"wandering"}
     return find_faults(problem, columns, others, count, margin)
