@@ -156,6 +156,11 @@ class _HorizonState:
         self._adopt(fitted, further)
         return True
 
+    def reconsider(self) -> None:
+        """Widen the prior again if it was widened for a law that leaves more than noise."""
+        if self.widened and not self.levels[-1][1] <= DIVERGED:
+            self.widen(self.samples)
+
     def choose_candidates(self, count: int) -> None:
         """Choose the candidates with the most distinct effects at the present horizon."""
         if not self.widened:
@@ -178,19 +183,19 @@ class _HorizonState:
         """Fit some samples with the prior that the evidence chooses for each candidate.
 
         Returns:
-            whether the misfit stays near its typical level. In the first window, which has none,
-            the misfit has to be lower than before.
+            whether the misfit stays near its typical level. At the present horizon, it has to be
+            lower than before.
         """
         problem = self.objective.truncate(samples)
         found, jacobians = fit_widened(problem, self.narrow, self.phi, STAGE_STEPS, TOLERANCE)
         self.effort += jacobians * samples
         if found is None:
             return False
-        is_first = samples == self.samples
-        bound = self.levels[-1][1] if is_first else DIVERGED * self._typical_level
+        is_present = samples == self.samples
+        bound = self.levels[-1][1] if is_present else DIVERGED * self._typical_level
         if not self._level(found.fitted, samples) <= bound:
             return False
-        if is_first:
+        if is_present:
             self.levels.pop()
         self.objective = replace(self.objective, prior_std=found.prior_std)
         self.members = tuple(range(len(found.prior_std)))
@@ -234,6 +239,7 @@ def _extend(state: _HorizonState, count: int, report: Report) -> None:
         further = min(total, max(state.samples + 1, round(state.samples * growth)))
         if state.advance(further, STAGE_STEPS if growth == GROWTH else 2 * STAGE_STEPS):
             growth = GROWTH
+            state.reconsider()
             report(further / total, f"horizon {further} of {total}, χ²/n {state.levels[-1][1]:.2f}")
             continue
         growth = 1 + (growth - 1) / 2
