@@ -34,8 +34,8 @@ TOLERANCE = 0.02
 REGROWTH = 2
 # How often further candidates are added after stages have failed.
 MOST_ADDITIONS = 2
-# Residuals are noise up to this χ²/n. A law of a widened prior that predicts the next stretch so well
-# needs no fit there; if it leaves more, the prior is chosen again.
+# Residuals are noise up to this χ²/n. A law of a widened prior that predicts the next stretch so
+# well needs no fit there; if it leaves more, the prior is chosen again.
 NOISE_LEVEL = 1.1
 # The growth ends when it has cost as much as this many Jacobians over the whole record.
 EFFORT = 40
