@@ -34,8 +34,9 @@ TOLERANCE = 0.02
 REGROWTH = 2
 # How often further candidates are added after stages have failed.
 MOST_ADDITIONS = 2
-# Of a widened prior, a law needs no fit over the next stretch if its χ²/n there is at most this.
-PREDICTED = 1.1
+# Residuals are noise up to this χ²/n. A law of a widened prior that predicts the next stretch so
+# well needs no fit there; if it leaves more, the prior is chosen again.
+NOISE_LEVEL = 1.1
 # The growth ends when it has cost as much as this many Jacobians over the whole record.
 EFFORT = 40
 
@@ -82,9 +83,8 @@ def grow_horizon(
         report: progress.
     """
     total = len(objective.recorded)
-    state = _HorizonState(
-        objective, phi, samples, most_distinct_candidates(objective, phi, samples, count)
-    )
+    members = most_distinct_candidates(objective, phi, samples, count)
+    state = _HorizonState(objective, phi, samples, members)
     state.fit_first()
     with suppress(OutOfTimeError):
         _extend(state, count, report)
@@ -132,9 +132,8 @@ class _HorizonState:
     def fit_first(self) -> None:
         """Fit the first horizon, which is short enough to have no deadline."""
         deadline, self.objective = self.objective.deadline, replace(self.objective, deadline=NEVER)
-        self._adopt(
-            self._fit(self.objective, self.members, self.samples, STAGE_STEPS), self.samples
-        )
+        fitted = self._fit(self.objective, self.members, self.samples, STAGE_STEPS)
+        self._adopt(fitted, self.samples)
         if not self.levels[0][1] <= DIVERGED and self.members:
             self.widen(self.samples)
         self.objective = replace(self.objective, deadline=deadline)
@@ -146,7 +145,7 @@ class _HorizonState:
         """
         if self.widened and further < len(self.objective.recorded):
             predicted = self._fit(self.objective, self.members, further, 0)
-            if self._level(predicted, further) <= PREDICTED:
+            if self._level(predicted, further) <= NOISE_LEVEL:
                 self._adopt(predicted, further)
                 return True
         fitted = self._fit(self.objective, self.members, further, steps)
@@ -155,6 +154,11 @@ class _HorizonState:
             return False
         self._adopt(fitted, further)
         return True
+
+    def reconsider(self) -> None:
+        """Widen the prior again if it was widened for a law that leaves more than noise."""
+        if self.widened and not self.levels[-1][1] <= NOISE_LEVEL:
+            self.widen(self.samples)
 
     def choose_candidates(self, count: int) -> None:
         """Choose the candidates with the most distinct effects at the present horizon."""
@@ -178,19 +182,19 @@ class _HorizonState:
         """Fit some samples with the prior that the evidence chooses for each candidate.
 
         Returns:
-            whether the misfit stays near its typical level. In the first window, which has none,
-            the misfit has to be lower than before.
+            whether the misfit stays near its typical level. At the present horizon, it has to be
+            lower than before.
         """
         problem = self.objective.truncate(samples)
         found, jacobians = fit_widened(problem, self.narrow, self.phi, STAGE_STEPS, TOLERANCE)
         self.effort += jacobians * samples
         if found is None:
             return False
-        is_first = samples == self.samples
-        bound = self.levels[-1][1] if is_first else DIVERGED * self._typical_level
+        is_present = samples == self.samples
+        bound = self.levels[-1][1] if is_present else DIVERGED * self._typical_level
         if not self._level(found.fitted, samples) <= bound:
             return False
-        if is_first:
+        if is_present:
             self.levels.pop()
         self.objective = replace(self.objective, prior_std=found.prior_std)
         self.members = tuple(range(len(found.prior_std)))
@@ -234,6 +238,7 @@ def _extend(state: _HorizonState, count: int, report: Report) -> None:
         further = min(total, max(state.samples + 1, round(state.samples * growth)))
         if state.advance(further, STAGE_STEPS if growth == GROWTH else 2 * STAGE_STEPS):
             growth = GROWTH
+            state.reconsider()
             report(further / total, f"horizon {further} of {total}, χ²/n {state.levels[-1][1]:.2f}")
             continue
         growth = 1 + (growth - 1) / 2
