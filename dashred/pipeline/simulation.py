@@ -100,9 +100,9 @@ def check_discretisation(
     """Double the resolution and return the largest change of the sensor readings.
 
     If the record is chaotic, the errors of short segments are added up instead
-    (:func:`.resolution.accumulated_error`). If only those of the first part are small, the search
-    may find the dissipation that the simulation lacks. The resolution of the corrected simulation
-    is checked then (:func:`check_corrected`).
+    (:func:`.resolution.accumulated_error`). If only those of the first part are small, and no finer
+    grid is sufficient, the search may find the dissipation that the simulation lacks. The
+    resolution of the corrected simulation is checked then (:func:`check_corrected`).
 
     If the system has inputs, every episode is checked and the worst result is returned. Without
     inputs all episodes have the same simulation, so one is checked.
@@ -136,7 +136,9 @@ def check_discretisation(
         )
         if found.resolved:
             return found
-        for share in (1.0, EARLY_SHARE):
+        # If a finer grid is sufficient, it is better to use it.
+        shares = (1.0,) if found.enough else (1.0, EARLY_SHARE)
+        for share in shares:
             summed = accumulated_error(episode.system, path, episode.times, readings, least, share)
             if summed <= limit:
                 return Resolution(summed, limit, 1, is_early=share < 1)

@@ -56,8 +56,11 @@ class Observability:
 
         ``P = (I + JᵀJ)⁻¹`` is the posterior covariance of z.
         """
-        eye = torch.eye(len(self.modes), dtype=torch.float64)
-        covariance = torch.linalg.inv(eye + self.sensitivity.T @ self.sensitivity)
+        # Chaos makes some entries of J so large that I + JᵀJ is singular in floating point.
+        _, sizes, directions = torch.linalg.svd(torch.linalg.qr(self.sensitivity).R)
+        known = torch.zeros(len(self.modes), dtype=torch.float64)
+        known[: len(sizes)] = sizes
+        covariance = (directions.T / (1 + known.square())) @ directions
         flat = self.modes.reshape(*self.modes.shape[:2], -1)
         prior = torch.einsum("kfx,kfx->f", flat, flat)
         posterior = torch.einsum("kfx,kl,lfx->f", flat, covariance, flat)

@@ -19,6 +19,8 @@ from dashred.physics.system import System
 
 # Largest rms of the difference to the hidden tendency, as a share of its rms.
 TOLERANCE = 0.1
+# Largest half width of an interval that may contain the truth, as a share of the coefficient.
+WIDEST_INTERVAL = 0.3
 # Smallest intersection over union of a told and a hidden region.
 OVERLAP = 0.5
 
@@ -38,7 +40,10 @@ def is_exact(system: System, entries: Sequence[Mapping[str, Any]], truth: Truth)
 
 
 def _is_exact_in_region(system: System, entries: Sequence[Mapping[str, Any]], truth: Truth) -> bool:
-    """Return whether a law acts in the hidden region, and as the hidden term where both act."""
+    """Return whether a law acts in the hidden region, and as the hidden term where both act.
+
+    Its coefficients have to be within the tolerance, or their intervals have to contain the truth.
+    """
     assert truth.region is not None
     if not entries or not all(entry.get("region") for entry in entries):
         return False
@@ -54,7 +59,27 @@ def _is_exact_in_region(system: System, entries: Sequence[Mapping[str, Any]], tr
     parts = added_tendencies(system, entries, truth)
     if parts is None:
         return False
-    return _adds([part * both[:, None] for part in parts], truth.hidden * both[:, None])
+    inside, hidden = [part * both[:, None] for part in parts], truth.hidden * both[:, None]
+    return _adds(inside, hidden) or _adds(_within_intervals(entries, inside, hidden), hidden)
+
+
+def _within_intervals(
+    entries: Sequence[Mapping[str, Any]], parts: Sequence[Array], hidden: Array
+) -> list[Array]:
+    """Return the parts with the coefficients that fit the hidden tendency best.
+
+    A coefficient moves only within its 95 % interval, and only if this is narrow. The strength of a
+    term in a region and the width of the region compensate each other.
+    """
+    columns = np.stack([part.ravel() for part in parts], axis=1)
+    factors = np.linalg.lstsq(columns, hidden.ravel(), rcond=None)[0]
+    moved = []
+    for entry, part, factor in zip(entries, parts, factors.tolist(), strict=True):
+        low, high = sorted(entry.get("ci95") or (0.0, 0.0))
+        coefficient = float(entry["coefficient"] or 0.0)
+        is_narrow = high - low <= 2 * WIDEST_INTERVAL * abs(coefficient)
+        moved.append(factor * part if is_narrow and low <= factor * coefficient <= high else part)
+    return moved
 
 
 def _adds(parts: Sequence[Array], hidden: Array) -> bool:

@@ -106,3 +106,14 @@ def test_in_a_region_the_term_has_to_be_right_too() -> None:
     assert not is_exact(system, [term("u", "u", -0.6, region=region)], hidden)
     assert not is_exact(system, [term("u", "1", -0.4, region=region)], hidden)
     assert not is_exact(system, [term("u", "u", -0.4)], hidden)
+
+
+@pytest.mark.parametrize(
+    ("interval", "exact"),
+    [([-0.55, -0.38], True), ([-0.55, -0.42], False), ([-0.9, -0.1], False)],
+)
+def test_in_a_region_a_narrow_interval_may_contain_the_coefficient(interval, exact: bool) -> None:
+    """The strength of a term and the width of its region compensate each other."""
+    region = [{"axis": "x", "from": 3.3, "to": 5.7}]
+    told = {**term("u", "u", -0.47, region=region), "ci95": interval}
+    assert is_exact(system_of(RING), [told], ring_truth(3.0, 6.0)) is exact
