@@ -204,8 +204,15 @@ def local_resolution(
 
 
 def _rms_change(coarse: Array, fine: Array, scale: Array) -> float:
-    """Return the largest rms change of a trace, in units of its scale."""
-    change = (fine - coarse) / scale
+    """Return the largest rms change of a trace, in units of its scale.
+
+    A segment that blows up with the finer steps too is left out: its state was badly guessed, or
+    the simulator lacks what holds it there. It is infinite if most of them do.
+    """
+    bounded = np.isfinite(fine).all(axis=(1, 2))
+    if bounded.mean() <= 0.5:
+        return np.inf
+    change = (fine[bounded] - coarse[bounded]) / scale
     rms = float(np.sqrt(np.square(change).mean(axis=(0, 1))).max())
     return rms if np.isfinite(rms) else np.inf
 

@@ -62,17 +62,36 @@ def retrain(
 
     Returns:
         The network, and the field that it reconstructs over the fit window of each episode,
-        ``(time, field, *grid)``.
+        ``(time, field, *grid)``. If no member stays within bounds, the network is not trained.
 
     Raises:
         OutOfTimeError: there was no time for the members.
     """
-    settings = problem.config.surrogate
-    prior, starts = nominal.prior, law.start
+    corrected_network = network
+    ensemble = _corrected_ensemble(problem, nominal.prior, law, free, seconds)
+    if ensemble is not None:
+        corrected_network = train_shred(
+            problem, ensemble, run, seconds, "corrected SHRED", network.shred
+        )
+    windows = sensor_data(problem).windows
+    step = seconds_per_step(corrected_network.shred, windows[-1])
+    run.log_metrics({"surrogate/milliseconds": 1e3 * step}, 0)
+    seconds[STEP] = step
+    counts = [len(episode.split.fit.times) for episode in problem.episodes]
+    shred = corrected_network.shred
+    return corrected_network, list(reconstruct(shred.encode, shred, windows).split(counts))
+
+
+@torch.no_grad()
+def _corrected_ensemble(
+    problem: Problem, prior: StartPrior, law: Law, free: Trajectories, seconds: dict[str, float]
+) -> Ensemble | None:
+    """Return simulations of the corrected simulator; None if they do not stay within bounds."""
+    settings, starts = problem.config.surrogate, law.start
     corrected = [free, *free.others]
     deadline = problem.deadline("corrected ensemble")
     deadline.check()
-    with torch.no_grad(), stage("corrected ensemble", seconds) as report:
+    with stage("corrected ensemble", seconds) as report:
         progress = within(deadline, report)
         drawn = []
         for i, (episode, times, members, suffix) in enumerate(
@@ -82,21 +101,17 @@ def retrain(
             path = corrected[i].states["corrected"][: len(episode.split.fit.times)]
             rng = problem.rng(f"corrected ensemble{suffix}")
             start_prior = StartPrior(system, starts[i], prior.rms, prior.kept)
-            drawn.append(
-                _members(system, times, start_prior, settings.spread, path, members, rng, progress)
-            )
-        ensemble = join_ensembles(drawn)
+            try:
+                drawn.append(
+                    _members(
+                        system, times, start_prior, settings.spread, path, members, rng, progress
+                    )
+                )
+            except InputError:
+                report(1.0, "no member stays within bounds")
+                return None
         report(1.0, f"{settings.members} members")
-    corrected_network = train_shred(
-        problem, ensemble, run, seconds, "corrected SHRED", network.shred
-    )
-    windows = sensor_data(problem).windows
-    step = seconds_per_step(corrected_network.shred, windows[-1])
-    run.log_metrics({"surrogate/milliseconds": 1e3 * step}, 0)
-    seconds[STEP] = step
-    counts = [len(episode.split.fit.times) for episode in problem.episodes]
-    shred = corrected_network.shred
-    return corrected_network, list(reconstruct(shred.encode, shred, windows).split(counts))
+    return join_ensembles(drawn)
 
 
 def log_model(

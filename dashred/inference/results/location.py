@@ -51,6 +51,8 @@ def locate(
     """
     law = discovery.best
     ratios = law_tendency(system, law, states, times)
+    # A trajectory that blows up says nothing after that.
+    ratios[~ratios.flatten(1).isfinite().all(dim=1)] = 0.0
     shares = ratios.transpose(0, 1).flatten(1).square().mean(dim=1).sqrt()
     total = float(shares.sum())
     power = ratios.square().sum(dim=1)

@@ -38,6 +38,8 @@ EXPLAINED = 1.7
 # Definitions get candidates if the misfit per reading is above this limit, and if it then decreases
 # below this share.
 UNEXPLAINED, GAIN = 5.0, 0.5
+# Two laws explain the record as well if their misfits differ by less than this factor.
+AS_WELL = 1.1
 # A law beyond the library has to be better than those of the library by this difference in score,
 # and it has to have a few terms: with many more, the function beyond the library explains little.
 # With more candidates than this, no terms are added.
@@ -51,21 +53,58 @@ FEWEST_SHARE = 0.05
 def search_libraries(problem: Problem, nominal: NominalRun) -> tuple[Problem, SegmentSearch | None]:
     """Return the problem with the library that was needed, and the laws; None if none is fitted."""
     narrow = _without_measured_definitions(problem, nominal)
-    if narrow is not None:
-        found = search_library(narrow, nominal)
-        if found is not None and is_explained(found):
-            return narrow, found
-    found = search_library(problem, nominal)
-    if problem.config.library is None and (found is None or found.level > UNEXPLAINED):
-        closed = set(problem.system.fields) - {term.equation for term in problem.library}
-        if closed:
-            wider = _with_terms_in(problem, nominal, problem.system.fields)
-            again = search_library(wider, nominal)
-            if again is not None and (found is None or again.level < GAIN * found.level):
-                problem, found = wider, again
-    if found is None:
-        return problem, None
+    found = None if narrow is None else search_library(narrow, nominal)
+    is_narrow = narrow is not None and found is not None and is_explained(found)
+    if narrow is not None and is_narrow:
+        problem = narrow
+    else:
+        found = search_library(problem, nominal)
+    opened = _with_definitions(problem, nominal, found) if problem.config.library is None else None
+    if opened is not None:
+        problem, found = opened
+    if found is None or (is_narrow and opened is None):
+        return problem, found
     return _extend(problem, nominal, _with_sensor_errors(found))
+
+
+def _with_definitions(
+    problem: Problem, nominal: NominalRun, found: SegmentSearch | None
+) -> tuple[Problem, SegmentSearch] | None:
+    """Return the laws with terms in equations that define a rate; None if none are needed.
+
+    They are needed if nothing else explains the record. They are used as well if fewer of them
+    explain it: if y is not measured, a term in ``x' = y`` only redefines y.
+    """
+    system = problem.system
+    closed = set(system.fields) - {term.equation for term in problem.library}
+    unexplained = found is None or found.level > UNEXPLAINED
+    if found is not None and not unexplained:
+        measured = {sensor.reads for sensor in problem.split.fit.sensors} & set(system.fields)
+        closed = {
+            field
+            for field in closed & measured
+            if len(found.best.members) > 1
+            and _defines_hidden(system.resolved[field], system.fields, measured)
+        }
+    if not closed:
+        return None
+    equations = closed | {term.equation for term in problem.library}
+    wider = _with_terms_in(problem, nominal, [f for f in system.fields if f in equations])
+    again = search_library(wider, nominal)
+    if again is None:
+        return None
+    if found is None or (
+        again.level < GAIN * found.level if unexplained else _is_simpler(again, found)
+    ):
+        return wider, again
+    return None
+
+
+def _is_simpler(found: SegmentSearch, other: SegmentSearch) -> bool:
+    """Tell whether a law has fewer terms than another one, and explains the record as well."""
+    misfit, least = (float(f.level * np.square(f.problem.noise_std).mean()) for f in (found, other))
+    fewer = len(found.best.members) < len(other.best.members)
+    return fewer and misfit < AS_WELL * least
 
 
 def _with_sensor_errors(found: SegmentSearch) -> SegmentSearch:
