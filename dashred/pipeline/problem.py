@@ -110,6 +110,21 @@ class Problem:
         dt = self.config.simulation.dt
         return self.system if dt is None else self.system.with_step(dt)
 
+    def with_step(self, dt: float, reason: str) -> Problem:
+        """Return the problem with another time step of the simulator, in every episode.
+
+        Args:
+            dt: the step.
+            reason: one clause for the description of the clock.
+        """
+
+        def changed(problem: Problem) -> Problem:
+            clock = f"{problem.clock.rstrip('.')}; {reason}."
+            return replace(problem, system=problem.system.with_step(dt), clock=clock)
+
+        others, whole = (tuple(map(changed, each)) for each in (self.others, self.whole))
+        return replace(changed(self), others=others, whole=whole)
+
     def with_library(self, library: list[Term]) -> Problem:
         """Return the problem with other candidate terms, in every episode."""
         others, whole = (
@@ -203,7 +218,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
         driven = with_inputs(system, longest_fit.inputs)
         limit, end = config.resolution_limit, budget.deadline(ENDS["simulate"])
         chosen, why = with_time_step(driven, longest_fit, std, limit, end)
-        system, clock = system.with_step(chosen.dt), f"{clock}; {why}"
+        system, clock = system.with_step(chosen.dt), f"{clock.rstrip('.')}; {why}."
     problems = [
         Problem(
             config=config,

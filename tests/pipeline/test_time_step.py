@@ -16,6 +16,7 @@ import dashred
 from dashred.config import Config, load_config
 from dashred.core.errors import InputError
 from dashred.physics.solvers.simulate import simulate
+from dashred.pipeline import equations
 from dashred.pipeline.problem import Problem, build_problem
 
 NOISE = 0.02
@@ -168,3 +169,24 @@ def test_a_notebook_simulates_with_the_chosen_step() -> None:
     alone = dashred.Problem.from_dict(van_der_pol(0.5))
     with pytest.raises(InputError, match="no time step"):
         alone.simulate(times=[0.0, 0.1])
+
+
+def test_a_stated_step_that_is_too_long_for_an_ode_system_is_halved(tmp_path: Path) -> None:
+    """The readings are exact, so the error of the stated step would pass for physics."""
+    times = np.arange(0, 40, 0.5)
+    frame = pd.DataFrame({"time": times, "x": np.cos(2 * times), "v": -2 * np.sin(2 * times)})
+    values = {
+        "system": {
+            "title": "Spring",
+            "fields": {"x": "place", "v": "speed"},
+            "equations": {"x": "v", "v": "-4*x"},
+            "start": {"x": 1.0, "v": 0.0},
+            "spread": {"x": 0.05, "v": 0.05},
+            "integrator": {"method": "rk4", "dt": 0.5},
+        },
+        "simulation": {"members": 24, "held_out": 6},
+    }
+    simulated = equations.simulate(problem_of(tmp_path, values, frame), {})
+    assert simulated.problem.system.dt == 0.25
+    assert "time step: 0.25, half of the stated one" in simulated.problem.clock
+    assert simulated.resolution.resolved and simulated.segments is not None

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 
 import torch
 from torch import Tensor
 
 from dashred.core.errors import InputError
+from dashred.physics.expressions.semilinear import NotSemilinearError
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.runge_kutta import THREE_EIGHTHS, Tableau, advance
 from dashred.physics.solvers.adaptive import integrate_adaptive
@@ -54,7 +56,9 @@ def simulate(
         from dashred.physics.solvers.compiled_runge_kutta import integrate_runge_kutta
 
         run = integrate_etdrk4 if system.axes else integrate_runge_kutta
-        return run(system, start, times, forcing, progress)
+        # A term in a window may have no semilinear form; it is not compiled.
+        with suppress(NotSemilinearError, ArithmeticError):
+            return run(system, start, times, forcing, progress)
     if system.spectral:
         tendency = SpectralTendency(system, forcing, start.device, sampled_forcing)
         states = _integrate_spectral(tendency, start, times.tolist())

@@ -8,10 +8,12 @@ import torch
 from dashred.core.errors import InputError
 from dashred.physics.library import resolve
 from dashred.physics.runs.initial_state_prior import nominal_start
+from dashred.physics.solvers import simulate as simulation
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.rhs import GridTendency
 from dashred.physics.solvers.simulate import check_finite, simulate
 from dashred.physics.system import Term
+from tests import laws
 
 SYSTEMS = ["burgers", "reaction", "plane", "oscillator"]
 TIMES = torch.tensor([0.5, 0.6, 0.93, 1.0, 1.7]).double()
@@ -198,3 +200,27 @@ def test_an_adaptive_blow_up_is_found_and_leaves_other_members_alone(make_system
     assert torch.isfinite(path[2, :5]).all()
     with pytest.raises(InputError, match=r"up: v is not finite at t = 1(\.5)?\n"):
         check_finite(path, times, system)
+
+
+CELLS = """
+system:
+  title: cells that follow a signal, the more the further out
+  axes: {x: {length: 20, points: 40, ends: fixed}}
+  fields: {u: cells, v: signal}
+  equations:
+    u: 0.5*d(u, x, 2) - 0.1*x*d(u*d(v, x), x)
+    v: 0.5*d(v, x, 2) + 0.1*u - 0.05*v
+  start: {u: exp(-(x - 7.5)**2), v: exp(-(x - 12.5)**2)}
+  integrator: {dt: 0.01}
+recording: {twin: a, sensors: 4, noise: 0, duration: 4, every: 0.1}
+"""
+
+
+def test_equations_without_a_semilinear_form_are_not_compiled(tmp_path, monkeypatch):
+    """A function of the place in front of a flux, as a window is, has no such form."""
+    declared = laws.declared(tmp_path, CELLS)
+    start, times = nominal_start(declared), clock(0.0, 0.5, 1.0)
+    interpreted = simulate(declared, start, times)
+    monkeypatch.setattr(simulation, "_should_compile", lambda *_: True)
+    assert torch.equal(simulate(declared, start, times), interpreted)
+    assert interpreted.isfinite().all()
