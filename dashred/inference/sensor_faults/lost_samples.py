@@ -9,13 +9,19 @@ from torch import Tensor
 
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.sensor_faults.fault import Alternatives, CountedParameters, Fault
+from dashred.inference.sensor_faults.fault import (
+    Alternatives,
+    CountedParameters,
+    Fault,
+    count_sensors,
+)
 from dashred.inference.sensor_faults.linearised_fit import LinearisedFit
 
 # A sample is a spike if it is this many σ off both the prediction and its neighbours.
 SPIKE_SIGMAS = 5.0
-# If more than this share of a sensor's samples look like spikes, the law is wrong instead.
-MAX_SPIKE_SHARE = 0.2
+# If more than this share of a sensor's samples look like spikes, the law is wrong instead. No other
+# sensor contradicts a sensor that is alone.
+MAX_SPIKE_SHARE, MAX_SHARE_ALONE = 0.2, 0.05
 # A group of neighbouring spikes counts as this many parameters.
 SPIKE_PARAMETERS = 1.5
 # The readings of a stuck sensor scatter by less than this share of the trace's standard deviation.
@@ -32,7 +38,8 @@ def spikes(
     residual = _residual_without_sensor(objective, linear, sensor)
     sigma = float(objective.noise.std[sensor])
     found = seen & (residual.abs() > SPIKE_SIGMAS * sigma) & _sticks_out(residual, sigma)
-    if 0 < int(found.sum()) <= MAX_SPIKE_SHARE * int(seen.sum()):
+    most = MAX_SHARE_ALONE if count_sensors(objective) == 1 else MAX_SPIKE_SHARE
+    if 0 < int(found.sum()) <= most * int(seen.sum()):
         groups = int((found & ~torch.cat([torch.zeros_like(found[:1]), found[:-1]])).sum())
         complexity = CountedParameters(SPIKE_PARAMETERS * groups)
         yield (Fault("spikes", sensor, complexity, samples=found),)

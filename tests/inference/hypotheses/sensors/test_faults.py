@@ -175,3 +175,18 @@ def test_the_prediction_agrees_with_the_fit_if_the_readings_are_nearly_linear(wa
     right = next(each.faults for each in every if each.faults.key == {("bias", 2)})
     tested = fit_faults(objective, right, phi)
     assert right.score == pytest.approx(tested.score, abs=15)
+
+
+@pytest.mark.parametrize(("samples", "told"), [([20], True), ([7, 20, 30], False)])
+def test_a_sensor_that_is_alone_has_few_spikes(
+    waves: Waves, samples: list[int], told: bool
+) -> None:
+    """No other sensor contradicts it: many samples off the prediction are the law's fault."""
+    recorded = waves.recorded(SIGMA, seed=3)
+    recorded[samples, 3] += 1.0
+    objective = waves.objective(recorded, SIGMA)
+    alone = objective.noise.available.clone()
+    alone[:, [j for j in range(alone.shape[1]) if j != 3]] = False
+    objective = replace(objective, noise=replace(objective.noise, available=alone))
+    _, found, _ = searched(objective)
+    assert ("spikes" in {fault.kind for fault in found}) is told
