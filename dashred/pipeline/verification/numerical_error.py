@@ -16,7 +16,7 @@ from torch import Tensor
 from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import build_corrected_system
-from dashred.physics.runs.resolution import refine
+from dashred.physics.runs.resolution import simulate_refined
 from dashred.physics.solvers.simulate import simulate
 from dashred.pipeline.problem import Problem
 
@@ -47,9 +47,9 @@ def _error(problem: Problem, law: Law, start: Tensor, noise: Tensor) -> float:
     fitted = len(problem.split.fit.times)
     times = problem.times[: max(MIN_SAMPLES, math.ceil(CHECKED_SHARE * fitted))]
     own = build_corrected_system(problem.system, law)
-    runs = ((own, start[None]), refine(own, start[None]))
+    runs = ((own, simulate(own, start[None], times)), simulate_refined(own, start[None], times))
     sensors = problem.split.fit.sensors
-    coarse, fine = (ObservationOperator(sensors, s)(simulate(s, z, times)) for s, z in runs)
+    coarse, fine = (ObservationOperator(sensors, system)(states) for system, states in runs)
     error = (coarse - fine)[0] / noise
     largest = error.square().mean(dim=-1).sqrt().max()
     return float(largest.nan_to_num(nan=MAX_ERROR).clamp(max=MAX_ERROR))

@@ -14,6 +14,7 @@ from dashred.physics.runs.resolution import (
     check_resolution,
     doubling_error,
     minimum_scale,
+    refine,
 )
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
@@ -158,3 +159,31 @@ def test_a_simulation_without_dissipation_is_resolved_in_its_first_part(
     )
     assert (over_all <= LIMIT) is resolved
     assert early <= LIMIT
+
+
+WAVE_PACKET = """
+system:
+  title: a free wave packet
+  axes: {x: {length: 15, points: 64}}
+  fields: {p: real part, q: imaginary part}
+  equations: {p: "-0.5*lap(q)", q: "0.5*lap(p)"}
+  start: {p: exp(-(x - 8)**2), q: 0}
+  integrator: {dt: 0.02}
+recording: {twin: a, sensors: 4, noise: 0, duration: 4, every: 0.1}
+"""
+
+
+def test_a_step_that_is_unstable_on_the_finer_grid_is_shortened(tmp_path: Path) -> None:
+    """The steps of these terms are explicit: the stable step is proportional to the square of Δx."""
+    system = laws.declared(tmp_path, WAVE_PACKET)
+    start, times = nominal_start(system), torch.linspace(0, 4, 41, dtype=torch.float64)
+    finer, fine_start = refine(system, start)
+    assert simulate(finer, fine_start, times).abs().max() > 1e9
+
+    def readings(own: System, states: Tensor) -> Tensor:
+        return states[:, :, 0, :: own.grid.shape[0] // 8]
+
+    coarse = readings(system, simulate(system, start, times))
+    none = torch.zeros(8, dtype=torch.float64)
+    error, _ = doubling_error(system, start, times, readings, coarse, none)
+    assert error < LIMIT

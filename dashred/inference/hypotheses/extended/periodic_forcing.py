@@ -172,8 +172,8 @@ def _fit_wave(
         phi = fitted.phi[:own]
         sine, cosine, shift = fitted.phi[own:].tolist()
         moved = wave.frequency + min(max(shift, -math.pi / half), math.pi / half)
-        # Below half a period over the record, sine and cosine are only a constant and a slope.
-        frequency = max(moved, math.pi / 2 / half)
+        # Below one period over the record, a wave is only a trend.
+        frequency = max(moved, math.pi / half)
         wave = replace(wave, sine=sine, cosine=cosine).at(frequency, middle)
         if abs(shift) * half < CONVERGED_PHASE:
             break

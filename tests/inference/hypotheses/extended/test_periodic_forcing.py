@@ -60,8 +60,8 @@ def test_a_wave_in_time_is_found(waves: Waves) -> None:
 def test_a_drift_does_not_become_a_wave_of_zero_frequency(waves: Waves) -> None:
     null = null_of(waves, 0.3, 0.005, frequency=0.02)
     found = [float(c.law.candidates[0].name[4:-3]) for c in fit_periodic_laws(null, waves.size, 9)]
-    # Half a period over the record, which is 10 long.
-    assert found and min(found) == pytest.approx(math.pi / 10, rel=1e-3)
+    # One period over the record, which is 10 long.
+    assert found and min(found) == pytest.approx(2 * math.pi / 10, rel=1e-3)
 
 
 def test_no_wave_is_found_in_noise(waves: Waves) -> None:
