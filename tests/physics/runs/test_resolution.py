@@ -174,7 +174,7 @@ recording: {twin: a, sensors: 4, noise: 0, duration: 4, every: 0.1}
 
 
 def test_a_step_that_is_unstable_on_the_finer_grid_is_shortened(tmp_path: Path) -> None:
-    """The steps of these terms are explicit: the stable step is proportional to the square of Δx."""
+    """The stable step of explicit terms is proportional to the square of the spacing."""
     system = laws.declared(tmp_path, WAVE_PACKET)
     start, times = nominal_start(system), torch.linspace(0, 4, 41, dtype=torch.float64)
     finer, fine_start = refine(system, start)
