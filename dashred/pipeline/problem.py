@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -93,11 +93,11 @@ class Problem:
 
     def without_budget(self) -> Problem:
         """Return the problem with as much time as its analysis takes."""
-        others, whole = (
-            tuple(replace(episode, budget=Budget()) for episode in episodes)
-            for episodes in (self.others, self.whole)
-        )
-        return replace(self, budget=Budget(), others=others, whole=whole)
+        return self._in_every_episode(lambda episode: replace(episode, budget=Budget()))
+
+    def _in_every_episode(self, change: Callable[[Problem], Problem]) -> Problem:
+        others, whole = (tuple(map(change, each)) for each in (self.others, self.whole))
+        return replace(change(self), others=others, whole=whole)
 
     @property
     def episodes(self) -> tuple[Problem, ...]:
@@ -118,20 +118,15 @@ class Problem:
             reason: one clause for the description of the clock.
         """
 
-        def changed(problem: Problem) -> Problem:
-            clock = f"{problem.clock.rstrip('.')}; {reason}."
-            return replace(problem, system=problem.system.with_step(dt), clock=clock)
+        def changed(episode: Problem) -> Problem:
+            clock = _with_clause(episode.clock, reason)
+            return replace(episode, system=episode.system.with_step(dt), clock=clock)
 
-        others, whole = (tuple(map(changed, each)) for each in (self.others, self.whole))
-        return replace(changed(self), others=others, whole=whole)
+        return self._in_every_episode(changed)
 
     def with_library(self, library: list[Term]) -> Problem:
         """Return the problem with other candidate terms, in every episode."""
-        others, whole = (
-            tuple(replace(episode, library=library) for episode in episodes)
-            for episodes in (self.others, self.whole)
-        )
-        return replace(self, library=library, others=others, whole=whole)
+        return self._in_every_episode(lambda episode: replace(episode, library=library))
 
     def with_extensions(self, terms: Sequence[Term]) -> Problem:
         """Return the problem with terms that its library does not contain."""
@@ -218,7 +213,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
         driven = with_inputs(system, longest_fit.inputs)
         limit, end = config.resolution_limit, budget.deadline(ENDS["simulate"])
         chosen, why = with_time_step(driven, longest_fit, std, limit, end)
-        system, clock = system.with_step(chosen.dt), f"{clock.rstrip('.')}; {why}."
+        system, clock = system.with_step(chosen.dt), _with_clause(clock, why)
     problems = [
         Problem(
             config=config,
@@ -238,6 +233,11 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     longest = max(problems[:fitted], key=lambda problem: len(problem.split.fit.times))
     others = tuple(problem for problem in problems[:fitted] if problem is not longest)
     return replace(longest, others=others, whole=tuple(problems[fitted:]))
+
+
+def _with_clause(sentence: str, clause: str) -> str:
+    """Return a sentence with one clause more."""
+    return f"{sentence.rstrip('.')}; {clause}."
 
 
 def read_recorded(config: Config, system: System) -> Episodes:

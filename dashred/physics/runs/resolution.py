@@ -130,13 +130,14 @@ def accumulated_error(
     """
     segments = max(1, (len(times) - 1) // SEGMENT)
     stride = SEGMENT * -(-math.ceil(share * segments) // MOST_SEGMENTS)
+    begins = range(0, max(1, round(share * (len(times) - SEGMENT))), stride)
     changes = []
-    for first in range(0, max(1, round(share * (len(times) - SEGMENT))), stride):
+    for first in begins:
         clock, start = times[first : first + SEGMENT + 1], path[first : first + 1]
         fine = readings(*simulate_refined(system, start, clock))
         coarse = readings(system, simulate(system, start, clock))
         changes.append((fine - coarse)[0, -1].square())
-    traces = readings(system, path[None])[0, : first + SEGMENT + 1]
+    traces = readings(system, path[None])[0, : begins[-1] + SEGMENT + 1]
     scale = torch.maximum(traces.std(dim=0), least).clamp(min=1e-12)
     each = torch.stack(changes).mean(dim=0).sqrt() / scale
     return float((segments * each).max().nan_to_num(nan=torch.inf))
