@@ -11,8 +11,8 @@ from dashred.core.budget import OutOfTimeError
 from dashred.core.errors import InputError
 from dashred.core.tracking import RunTracker
 from dashred.inference.hypotheses.result import Discovery
-from dashred.inference.segments.search import SegmentSearch
-from dashred.inference.segments.segment_laws import law_from_segments, states_by_sample
+from dashred.inference.segments.findings.segment_laws import law_from_segments, states_by_sample
+from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline import assimilation, simulation, surrogate, training, trajectories

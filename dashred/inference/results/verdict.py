@@ -137,12 +137,18 @@ def _causes(discovery: Discovery, details: FaultDetails) -> list[Cause]:
         best.setdefault(kind, law)
         probabilities[kind] = probabilities.get(kind, 0.0) + p
     causes: list[Cause] = []
+    told: set[tuple[str, str]] = set()
     for kind in sorted(probabilities, key=lambda kind: -probabilities[kind]):
         law, probability = best[kind], min(1.0, probabilities[kind])
         causes.append(_cause(kind, probability, law, details))
         # A law or another start and several faults may all be true; the faults come last.
         others = law.faults[1:] if kind == "sensor-fault" else law.faults
+        if kind == "sensor-fault":
+            told.add((law.faults[0].kind, law.faults[0].sensor))
         for fault in others:
+            if (fault.kind, fault.sensor) in told:
+                continue
+            told.add((fault.kind, fault.sensor))
             probability = _probability_of_fault(fault, probable)
             causes.append(_sensor_fault(probability, details(fault)))
     return causes

@@ -11,6 +11,7 @@ A is banded and positive definite: its Cholesky factor costs O(nodes · field³)
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -32,6 +33,8 @@ class BlockNormal:
         node_gradient: a, minus half the gradient, ``(node, field)``.
         shared_gradient: b, ``(shared,)``.
         cost: F there.
+        damped: what Levenberg–Marquardt's damping multiplies, ``(node, field)``; None for the
+            diagonal of A.
     """
 
     diagonal: Array
@@ -41,6 +44,7 @@ class BlockNormal:
     node_gradient: Array
     shared_gradient: Array
     cost: float
+    damped: Array | None = None
 
     def step(self, damping: float) -> tuple[Array, Array] | None:
         """Return the Levenberg–Marquardt step, ``(node, field)`` and ``(shared,)``.
@@ -49,7 +53,7 @@ class BlockNormal:
         """
         nodes, fields = self.node_gradient.shape
         band = self._band.copy()
-        band[-1] *= 1 + damping
+        band[-1] += damping * (self._band[-1] if self.damped is None else self.damped.ravel())
         right = np.concatenate([self._flat_border, self.node_gradient.reshape(-1, 1)], axis=1)
         try:
             solved = cho_solve_banded((cholesky_banded(band), False), right)
@@ -72,6 +76,55 @@ class BlockNormal:
         target = self.shared_gradient - self._flat_border.T @ solved[:, -1]
         gained = float(self.node_gradient.ravel() @ solved[:, -1])
         return (gram + gram.T) / 2, target, self.cost - gained
+
+    def minimum(self) -> float | None:
+        """Return min F of the linearised problem; None without a Cholesky factor."""
+        profiled = self.profiled()
+        if profiled is None:
+            return None
+        gram, target, constant = profiled
+        if not len(target):
+            return constant
+        try:
+            return constant - float(target @ solve(gram, target, assume_a="pos"))
+        except (LinAlgError, ValueError):
+            return None
+
+    def covariance(self, components: Sequence[int]) -> Array | None:
+        """Return the covariance of some components at every node; None without a factor.
+
+        Args:
+            components: indices among the unknowns of a node.
+
+        Returns:
+            The blocks, ``(node, component, component)``.
+        """
+        nodes, fields = self.node_gradient.shape
+        rows = (np.arange(nodes)[:, None] * fields + list(components)).ravel()
+        right = np.zeros((nodes * fields, len(rows)))
+        right[rows, np.arange(len(rows))] = 1.0
+        try:
+            factor = cholesky_banded(self._band)
+            columns = cho_solve_banded((factor, False), right)
+            found = columns[rows]
+            if len(self.corner):
+                border = self._flat_border
+                gram = self.corner - border.T @ cho_solve_banded((factor, False), border)
+                shared = border.T @ columns
+                found = found + shared.T @ solve(gram, shared, assume_a="pos")
+        except (LinAlgError, ValueError):
+            return None
+        count = len(components)
+        blocks = found.reshape(nodes, count, nodes, count)
+        return np.einsum("kikj->kij", blocks)
+
+    def log_determinant(self) -> float | None:
+        """Return ``ln det A``; None where rounding has left A without a Cholesky factor."""
+        try:
+            factor = cholesky_banded(self._band)
+        except (LinAlgError, ValueError):
+            return None
+        return 2 * float(np.log(factor[-1]).sum())
 
     @cached_property
     def _flat_border(self) -> Array:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dashred.inference.segments.weak_constraint import Point, WeakConstraintProblem
+from dashred.inference.segments.point import Point
+from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 
 DAMPING, LEAST_DAMPING = 1e-3, 1e-9
 EASED, RAISED, TRIALS = 5.0, 10.0, 6
@@ -45,9 +46,7 @@ def fit_nodes(
         tolerance: a step that gains a smaller share of F is the last.
     """
     chosen = list(members)
-    xi = np.zeros_like(begin.xi)
-    xi[chosen] = begin.xi[chosen]
-    point, cost, damping = Point(begin.nodes, xi), np.inf, DAMPING
+    point, cost, damping = begin.only(chosen), np.inf, DAMPING
     for _ in range(steps):
         if problem.deadline.is_over:
             break
@@ -58,9 +57,7 @@ def fit_nodes(
         for _ in range(TRIALS):
             step = normal.step(damping)
             if step is not None:
-                moved = xi.copy()
-                moved[chosen] = point.xi[chosen] + step[1]
-                tried = Point(point.nodes + step[0], moved)
+                tried = point.moved(step[0], chosen, step[1])
                 reached = problem.cost(tried, chosen)
                 if reached < cost:
                     break

@@ -9,8 +9,7 @@ Both are stepped by one Runge–Kutta method, so that S is the derivative of the
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -18,91 +17,13 @@ from numpy.typing import NDArray
 
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.segments.segments import Array, Segments
-from dashred.physics.backends.numpy_backend import Pointwise
-from dashred.physics.expressions.algebra import Expr
-from dashred.physics.expressions.differentiate import differentiate
+from dashred.inference.segments.tendency import Tendency
 from dashred.physics.runge_kutta import CLASSICAL, Tableau
 from dashred.physics.solvers.schedule import round_up
 from dashred.physics.system import System
 
 # Used instead of an adaptive method, whose derivative would depend on its choice of steps.
 FALLBACK: Tableau = CLASSICAL
-
-
-@dataclass(frozen=True)
-class Tendency:
-    """The right-hand side of one system with some candidates, and its derivatives.
-
-    Attributes:
-        system: without axes.
-        candidates: the terms whose coefficients are ξ.
-    """
-
-    system: System
-    candidates: tuple[Candidate, ...]
-
-    @cached_property
-    def equations(self) -> NDArray[np.intp]:
-        """Index of the equation of every term, ``(term,)``."""
-        fields = self.system.fields
-        return np.array([fields.index(t.equation) for c in self.candidates for t in c.terms], int)
-
-    @cached_property
-    def owners(self) -> NDArray[np.intp]:
-        """Index of the candidate of every term, ``(term,)``."""
-        return np.array([j for j, c in enumerate(self.candidates) for _ in c.terms], int)
-
-    @cached_property
-    def _values(self) -> Pointwise:
-        return Pointwise([*self._own, *self._terms])
-
-    @cached_property
-    def _derivatives(self) -> Pointwise:
-        functions = [*self._own, *self._terms]
-        slopes = [differentiate(f, name) for f in functions for name in self.system.fields]
-        return Pointwise([*functions, *slopes])
-
-    @property
-    def _own(self) -> list[Expr]:
-        return [self.system.resolved[name] for name in self.system.fields]
-
-    @property
-    def _terms(self) -> list[Expr]:
-        return [term.expression for c in self.candidates for term in c.terms]
-
-    def rates(self, x: Array, xi: Array, clock: Mapping[str, Array]) -> Array:
-        """Return x', ``(segment, field)``.
-
-        Args:
-            x: ``(segment, field)``.
-            xi: ``(candidate,)``.
-            clock: time and inputs, ``(segment,)`` each.
-        """
-        found = self._values(self._named(x, clock), (len(x),))
-        fields = x.shape[1]
-        rates = found[:fields].T.copy()
-        if len(xi):
-            np.add.at(rates.T, self.equations, xi[self.owners, None] * found[fields:])
-        return rates
-
-    def linearise(
-        self, x: Array, xi: Array, clock: Mapping[str, Array]
-    ) -> tuple[Array, Array, Array]:
-        """Return x', its Jacobian ``(segment, field, field)``, and θ ``(term, segment)``."""
-        fields, count = x.shape[1], len(self.equations)
-        found = self._derivatives(self._named(x, clock), (len(x),))
-        rates, values = found[:fields].T.copy(), found[fields : fields + count]
-        slopes = found[fields + count :].reshape(fields + count, fields, len(x))
-        jacobian = slopes[:fields].copy()
-        if count:
-            np.add.at(rates.T, self.equations, xi[self.owners, None] * values)
-            carried = np.flatnonzero(xi[self.owners])
-            weighted = xi[self.owners[carried], None, None] * slopes[fields + carried]
-            np.add.at(jacobian, self.equations[carried], weighted)
-        return rates, np.moveaxis(jacobian, -1, 0), values
-
-    def _named(self, x: Array, clock: Mapping[str, Array]) -> dict[str, Array]:
-        return {**clock, **dict(zip(self.system.fields, x.T, strict=True))}
 
 
 class SegmentSimulator:
@@ -138,13 +59,20 @@ class SegmentSimulator:
         longest = float(np.diff(self.segments.times, axis=1).max())
         return self.with_substeps(max(1, round_up(longest / dt)))
 
-    def run(self, nodes: Array, candidates: Sequence[Candidate], xi: Array) -> Array:
+    def run(
+        self,
+        nodes: Array,
+        candidates: Sequence[Candidate],
+        xi: Array,
+        force: Array | float = 0.0,
+    ) -> Array:
         """Return the states of all segments, ``(segment, sample, field)``.
 
         Args:
             nodes: states at the first sample of each, ``(segment, field)``.
             candidates: terms that are added.
             xi: their coefficients, ``(candidate,)``.
+            force: added to the tendency in each segment, ``(segment, field)``.
         """
         tendency = self._tendency(candidates)
         x, saved = nodes, [nodes]
@@ -153,23 +81,38 @@ class SegmentSimulator:
                 rates: list[Array] = []
                 for stage, shares in enumerate(self.tableau.a):
                     at = x + h * _combined(shares, rates)
-                    rates.append(tendency.rates(at, xi, self._clock(i, stage)))
+                    rates.append(tendency.rates(at, xi, self._clock(i, stage), force))
                 x = x + h * _combined(self.tableau.b, rates)
                 if (i + 1) % self.substeps == 0:
                     saved.append(x)
         return np.stack(saved, axis=1)
 
     def linearise(
-        self, nodes: Array, candidates: Sequence[Candidate], xi: Array
+        self,
+        nodes: Array,
+        candidates: Sequence[Candidate],
+        xi: Array,
+        force: Array | float = 0.0,
+        forced: Sequence[int] = (),
     ) -> tuple[Array, Array]:
-        """Return the states, and S ``(segment, sample, field, field + candidate)``."""
+        """Return the states, and S ``(segment, sample, field, field + forced + candidate)``.
+
+        Args:
+            nodes: states at the first sample of each, ``(segment, field)``.
+            candidates: terms that are added.
+            xi: their coefficients, ``(candidate,)``.
+            force: added to the tendency in each segment, ``(segment, field)``.
+            forced: equations whose force is an unknown.
+        """
         tendency, fields = self._tendency(candidates), self.fields
-        unknowns = fields + len(xi)
+        known = fields + len(forced)
+        unknowns = known + len(xi)
         x, saved = nodes, [nodes]
         s = np.zeros((len(nodes), fields, unknowns))
         s[:, range(fields), range(fields)] = 1.0
         columns = [s]
-        places = tendency.equations, fields + tendency.owners
+        places = tendency.equations, known + tendency.owners
+        forces = list(forced), range(fields, known)
         with np.errstate(all="ignore"):
             for i, h in enumerate(self._steps[:, :, None]):
                 rates: list[Array] = []
@@ -180,7 +123,8 @@ class SegmentSimulator:
                     rate, jacobian, values = tendency.linearise(at, xi, self._clock(i, stage))
                     slope = jacobian @ along
                     slope[:, places[0], places[1]] += values.T
-                    rates.append(rate)
+                    slope[:, forces[0], forces[1]] += 1.0
+                    rates.append(rate + force)
                     slopes.append(slope)
                 x = x + h * _combined(self.tableau.b, rates)
                 s = s + h[:, :, None] * _combined(self.tableau.b, slopes)

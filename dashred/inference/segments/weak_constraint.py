@@ -1,10 +1,10 @@
 """Weak-constraint least squares over segments: states at all nodes, the law, and model error.
 
-The unknowns are the state x_k at the beginning of every segment and the coefficients ξ::
+The unknowns are the state x_k at the beginning of every segment, the walks u_k of forces and sensor
+errors, and the coefficients ξ::
 
-    F = Σ ‖(H Φ(x_k; ξ) + b - y)/σ‖² + Σ ‖(x_{k+1} - Φ(x_k; ξ))/q‖² + Σ_e ‖(x_0 - m)/B‖² + ‖ξ/d‖²
-
-b are errors of the sensors, whose sizes are among the coefficients ξ.
+    F = Σ ‖(H Φ(x_k; ξ, u_k) + b(u_k) - y)/σ‖² + Σ ‖(x_{k+1} - Φ(x_k; ξ, u_k))/q‖²
+        + Σ ‖(u_{k+1} - A u_k)/τ‖² + Σ_e ‖(x_0 - m)/B‖² + Σ_e ‖u_0/τ_0‖² + ‖ξ/d‖²
 
 q is the model error of each field between two nodes; q → 0 is the strong constraint, one
 trajectory (Trémolet, *Accounting for an imperfect model in 4D-Var*, 2006).
@@ -20,22 +20,11 @@ import numpy as np
 from dashred.core.budget import NEVER, Deadline
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.segments.block_tridiagonal import BlockNormal
+from dashred.inference.segments.point import Linearisation, Point
 from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import Array, Segments
-from dashred.inference.segments.state_sensors import SensorError, StateSensors
-
-
-@dataclass(frozen=True)
-class Point:
-    """Values of the unknowns.
-
-    Attributes:
-        nodes: x_k, ``(segment, field)``.
-        xi: ξ of all sensor errors, then of all candidates, ``(coefficient,)``.
-    """
-
-    nodes: Array
-    xi: Array
+from dashred.inference.segments.state_sensors import StateSensors
+from dashred.inference.segments.walks import NO_WALKS, Walks
 
 
 @dataclass(frozen=True)
@@ -50,8 +39,8 @@ class WeakConstraintProblem:
         model_error: q, ``(field,)``.
         start_mean: m, ``(episode, field)``.
         start_std: B, ``(field,)``.
-        prior_std: d, ``(coefficient,)``.
-        errors: possible errors of the sensors.
+        prior_std: d, ``(candidate,)``.
+        walks: forces and sensor errors.
         deadline: time at which fits of it end.
     """
 
@@ -63,7 +52,7 @@ class WeakConstraintProblem:
     start_mean: Array
     start_std: Array
     prior_std: Array
-    errors: tuple[SensorError, ...] = ()
+    walks: Walks = NO_WALKS
     deadline: Deadline = NEVER
 
     @property
@@ -73,13 +62,13 @@ class WeakConstraintProblem:
 
     @property
     def is_extended(self) -> list[bool]:
-        """Whether each coefficient is of a candidate beyond the library, ``(coefficient,)``."""
-        return [False] * len(self.errors) + [c.is_extended for c in self.candidates]
+        """Whether each candidate is beyond the library, ``(candidate,)``."""
+        return [c.is_extended for c in self.candidates]
 
     @property
     def count(self) -> int:
-        """Number of coefficients."""
-        return len(self.errors) + len(self.candidates)
+        """Number of candidates."""
+        return len(self.candidates)
 
     def with_weights(self, model_error: Array, prior_std: Array) -> WeakConstraintProblem:
         """Return F with other q and d."""
@@ -90,94 +79,136 @@ class WeakConstraintProblem:
         return replace(self, noise_std=noise_std)
 
     def terms(self, point: Point, members: Sequence[int]) -> tuple[tuple[Candidate, ...], Array]:
-        """Return the candidates among some members, and their coefficients."""
-        first = len(self.errors)
-        law = [j for j in members if j >= first]
-        return tuple(self.candidates[j - first] for j in law), point.xi[law]
+        """Return some candidates and their coefficients."""
+        chosen = list(members)
+        return tuple(self.candidates[j] for j in chosen), point.xi[chosen]
 
-    def read(self, states: Array, point: Point, members: Sequence[int]) -> Array:
+    def states(self, point: Point, members: Sequence[int]) -> Array:
+        """Return the states with some members alone, ``(segment, sample, field)``."""
+        force = self.walks.forces(point.walked, self.simulator.fields)
+        return self.simulator.run(point.nodes, *self.terms(point, members), force)
+
+    def read(self, states: Array, point: Point) -> Array:
         """Return readings of states, with sensor errors, ``(segment, sample, sensor)``."""
-        exact = self.sensors.read(states)
-        for j, column in self._error_columns(members):
-            exact = exact + point.xi[j] * column
-        return exact
+        return self.sensors.read(states) + self.walks.errors(self.segments, point.walked)
 
     def cost(self, point: Point, members: Sequence[int]) -> float:
         """Return F with some members alone; infinite where a segment blows up."""
-        states = self.simulator.run(point.nodes, *self.terms(point, members))
+        states = self.states(point, members)
         if not np.isfinite(states).all():
             return np.inf
         with np.errstate(over="ignore", invalid="ignore"):
-            found = self._misfit(states, point, members) + self._penalty(point, members)
+            found = self._misfit(states, point) + self._penalty(point, members)
         return found if np.isfinite(found) else np.inf
 
     def linearise(self, point: Point, members: Sequence[int]) -> BlockNormal | None:
         """Return the normal equations in the nodes and some members; None if one blows up."""
-        chosen = list(members)
-        states, columns = self.simulator.linearise(point.nodes, *self.terms(point, chosen))
+        found = self.derivatives(point, members)
+        return None if found is None else self.normal_equations(found, point, members)
+
+    def derivatives(self, point: Point, members: Sequence[int]) -> Linearisation | None:
+        """Return the states and their derivatives, whatever the weights; None if one blows up."""
+        segments, walks, fields = self.segments, self.walks, self.simulator.fields
+        force = walks.forces(point.walked, fields)
+        states, columns = self.simulator.linearise(
+            point.nodes, *self.terms(point, members), force, walks.forced
+        )
         if not (np.isfinite(states).all() and np.isfinite(columns).all()):
             return None
-        segments, fields = self.segments, self.simulator.fields
-        residuals, slopes = self._residuals(states, point, chosen), self.sensors.slopes(states)
-        # Sensor errors do not move the states.
-        errors = [column[..., None] for _, column in self._error_columns(chosen)]
-        still = np.zeros((*columns.shape[:-1], len(errors)))
-        own = slopes @ columns
-        columns = np.concatenate([columns[..., :fields], still, columns[..., fields:]], axis=-1)
-        own = np.concatenate([own[..., :fields], *errors, own[..., fields:]], axis=-1)
-        own = np.where(segments.available[..., None], own / self.noise_std[:, None], 0.0)
-        jacobian = own.reshape(segments.count, -1, columns.shape[-1])
+        # The errors of the sensors do not move the states.
+        before, inner = fields + len(walks.forced), fields + walks.count
+        still = np.zeros((*columns.shape[:-1], inner - before))
+        columns = np.concatenate([columns[..., :before], still, columns[..., before:]], axis=-1)
+        readings = self.sensors.slopes(states) @ columns
+        readings[..., fields:inner] += walks.error_slopes(segments)
+        ahead = np.zeros((segments.count, inner, columns.shape[-1]))
+        ahead[:, :fields] = columns[:, -1]
+        ahead[:, fields:, fields:inner] = walks.transitions(segments)
+        return Linearisation(states, ahead, readings)
+
+    def normal_equations(
+        self, found: Linearisation, point: Point, members: Sequence[int]
+    ) -> BlockNormal:
+        """Return the normal equations of F about a point.
+
+        Args:
+            found: the derivatives there.
+            point: the point.
+            members: candidates whose coefficients are unknowns.
+        """
+        segments, chosen = self.segments, list(members)
+        fields, inner = self.simulator.fields, found.ahead.shape[1]
+        residuals = self._residuals(found.states, point)
+        own = np.where(segments.available[..., None], found.readings / self.noise_std[:, None], 0.0)
+        jacobian = own.reshape(segments.count, -1, own.shape[-1])
         flat = residuals.reshape(segments.count, -1, 1)
         hessian = jacobian.swapaxes(1, 2) @ jacobian
         gradient = -(jacobian.swapaxes(1, 2) @ flat)[..., 0]
+        seen = np.einsum("kii->ki", hessian)[:, :inner].copy()
 
-        defects, ahead = self._defects(point.nodes, states), columns[:-1, -1]
-        weighted = np.where(segments.follows[:, None, None], ahead, 0.0)
-        weighted = weighted / self.model_error[:, None]
+        defects, weights = self._defects(found.states, point), 1 / self._increment
+        weighted = np.where(segments.follows[:, None, None], found.ahead[:-1], 0.0)
+        weighted = weighted * weights[:, None]
         hessian[:-1] += weighted.swapaxes(1, 2) @ weighted
         gradient[:-1] -= (weighted.swapaxes(1, 2) @ defects[..., None])[..., 0]
 
-        diagonal, border = hessian[:, :fields, :fields].copy(), hessian[:, :fields, fields:].copy()
-        arrives = segments.follows[:, None] / self.model_error
-        place = np.arange(fields)
+        diagonal, border = hessian[:, :inner, :inner].copy(), hessian[:, :inner, inner:].copy()
+        arrives = segments.follows[:, None] * weights
+        place = np.arange(inner)
         diagonal[1:, place, place] += arrives**2
-        border[1:] -= arrives[:, :, None] * weighted[:, :, fields:]
-        node_gradient = gradient[:, :fields].copy()
+        border[1:] -= arrives[:, :, None] * weighted[:, :, inner:]
+        node_gradient = gradient[:, :inner].copy()
         node_gradient[1:] += arrives * defects
-        upper = -(weighted[:, :, :fields].swapaxes(1, 2) * arrives[:, None, :])
+        upper = -(weighted[:, :, :inner].swapaxes(1, 2) * arrives[:, None, :])
 
         begins = segments.begins
-        diagonal[begins[:, None], place, place] += self.start_std**-2
-        node_gradient[begins] -= (point.nodes[begins] - self.start_mean) / self.start_std**2
+        diagonal[begins[:, None], place, place] += self._first_std**-2
+        # The increments of a walk may be far smaller than the whole: they do not damp it.
+        damped = np.einsum("kii->ki", diagonal).copy()
+        damped[:, fields:] = seen[:, fields:]
+        node_gradient[begins] -= self._off_start(point) / self._first_std
         precision = self.prior_std[chosen] ** -2
-        corner = hessian[:, fields:, fields:].sum(axis=0) + np.diag(precision)
-        shared = gradient[:, fields:].sum(axis=0) - precision * point.xi[chosen]
-        cost = self._misfit(states, point, chosen) + self._penalty(point, chosen)
-        return BlockNormal(diagonal, upper, border, corner, node_gradient, shared, cost)
+        corner = hessian[:, inner:, inner:].sum(axis=0) + np.diag(precision)
+        shared = gradient[:, inner:].sum(axis=0) - precision * point.xi[chosen]
+        cost = self._misfit(found.states, point) + self._penalty(point, chosen)
+        return BlockNormal(diagonal, upper, border, corner, node_gradient, shared, cost, damped)
 
-    def _error_columns(self, members: Sequence[int]) -> list[tuple[int, Array]]:
-        """Return the sensor errors among some members, with their readings per unit size."""
-        first = len(self.errors)
-        return [(j, self.errors[j].column(self.segments)) for j in members if j < first]
+    @property
+    def _increment(self) -> Array:
+        """Model error q of the fields, and τ of the walks, ``(field + component,)``."""
+        return np.concatenate([self.model_error, self.walks.increment])
 
-    def _residuals(self, states: Array, point: Point, members: Sequence[int]) -> Array:
+    @property
+    def _first_std(self) -> Array:
+        """Start std B of the fields, and τ_0 of the walks, ``(field + component,)``."""
+        return np.concatenate([self.start_std, self.walks.first])
+
+    def _residuals(self, states: Array, point: Point) -> Array:
         """Return ``(H Φ + b - y)/σ``, ``(segment, sample, sensor)``; missing ones are zero."""
-        apart = (self.read(states, point, members) - self.segments.readings) / self.noise_std
+        apart = (self.read(states, point) - self.segments.readings) / self.noise_std
         return np.where(self.segments.available, apart, 0.0)
 
-    def _defects(self, nodes: Array, states: Array) -> Array:
-        """Return ``(Φ(x_k) - x_{k+1})/q``, ``(segment - 1, field)``; zero between episodes."""
-        apart = (states[:-1, -1] - nodes[1:]) / self.model_error
-        return np.where(self.segments.follows[:, None], apart, 0.0)
+    def _defects(self, states: Array, point: Point) -> Array:
+        """Return ``(Φ(x_k) - x_{k+1})/q`` and ``(A u_k - u_{k+1})/τ``; zero between episodes."""
+        walked = np.einsum("kij,kj->ki", self.walks.transitions(self.segments), point.walked)
+        apart = np.concatenate(
+            [states[:-1, -1] - point.nodes[1:], walked[:-1] - point.walked[1:]], axis=1
+        )
+        return np.where(self.segments.follows[:, None], apart / self._increment, 0.0)
 
-    def _misfit(self, states: Array, point: Point, members: Sequence[int]) -> float:
+    def _off_start(self, point: Point) -> Array:
+        """Return ``(x_0 - m)/B`` and ``u_0/τ_0``, ``(episode, field + component)``."""
+        begins = self.segments.begins
+        off = [point.nodes[begins] - self.start_mean, point.walked[begins]]
+        found: Array = np.concatenate(off, axis=1) / self._first_std
+        return found
+
+    def _misfit(self, states: Array, point: Point) -> float:
         """Return the readings' and the defects' part of F."""
-        residuals = self._residuals(states, point, members)
-        defects = self._defects(point.nodes, states)
+        residuals, defects = self._residuals(states, point), self._defects(states, point)
         return float(np.square(residuals).sum() + np.square(defects).sum())
 
     def _penalty(self, point: Point, members: Sequence[int]) -> float:
-        off = (point.nodes[self.segments.begins] - self.start_mean) / self.start_std
         chosen = list(members)
         law = point.xi[chosen] / self.prior_std[chosen]
-        return float(np.square(off).sum() + np.square(law).sum())
+        return float(np.square(self._off_start(point)).sum() + np.square(law).sum())

@@ -51,10 +51,8 @@ def stuck(
     """Yield the fault of a sensor that is stuck from some sample on, if it is."""
     trace = objective.recorded[:, sensor]
     known = torch.nonzero(~trace.isnan()).flatten()
-    if len(known) < 2 * MIN_STUCK_SAMPLES:
-        return
     values, sigma = trace[known], float(objective.noise.std[sensor])
-    first = _first_stuck_sample(values, sigma)
+    first = first_stuck_sample(values, sigma)
     if first == len(values):
         return
     samples = torch.zeros(len(trace), dtype=torch.bool)
@@ -62,6 +60,25 @@ def stuck(
     tail = values[first:]
     constant = float(((tail - tail.mean()) / sigma).square().sum())
     yield (Fault("stuck", sensor, CountedParameters(2.0), samples=samples, constant=constant),)
+
+
+def first_stuck_sample(values: Tensor, sigma: float) -> int:
+    """Return the first sample from which a sensor is stuck to the end; their number if never."""
+    first = len(values)
+    if first < 2 * MIN_STUCK_SAMPLES:
+        return first
+    size = float(values.std())
+    if size < DEAD_STD_SHARE * sigma:
+        return 0
+    if size <= 3 * sigma:
+        return first
+    # A stuck sensor keeps its last value to the end, with or without noise.
+    for begin in range(len(values) - MIN_STUCK_SAMPLES, 0, -1):
+        tail = values[begin:]
+        if float(tail.std()) > max(STUCK_STD_SHARE * size, 1.3 * sigma):
+            break
+        first = begin
+    return first
 
 
 def spikes_in_units(
@@ -113,19 +130,3 @@ def _sticks_out(residual: Tensor, sigma: float) -> Tensor:
     before = torch.cat([residual[1:2], residual[:-1]])
     after = torch.cat([residual[1:], residual[-2:-1]])
     return (residual - (before + after) / 2).abs() > SPIKE_SIGMAS * sigma
-
-
-def _first_stuck_sample(values: Tensor, sigma: float) -> int:
-    """Return the first sample from which a sensor is stuck to the end; their number if never."""
-    size, first = float(values.std()), len(values)
-    if size < DEAD_STD_SHARE * sigma:
-        return 0
-    if size <= 3 * sigma:
-        return first
-    # A stuck sensor keeps its last value to the end, with or without noise.
-    for begin in range(len(values) - MIN_STUCK_SAMPLES, 0, -1):
-        tail = values[begin:]
-        if float(tail.std()) > max(STUCK_STD_SHARE * size, 1.3 * sigma):
-            break
-        first = begin
-    return first

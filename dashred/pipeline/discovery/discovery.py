@@ -21,7 +21,9 @@ from dashred.inference.fit.stepwise_selection import (
 from dashred.inference.forward.candidates import Candidate, build_candidates, indices_by_name
 from dashred.inference.hypotheses.comparison.comparison import Comparison
 from dashred.inference.hypotheses.result import BestOfSize, Discovery
-from dashred.inference.segments.search import SegmentSearch
+from dashred.inference.segments.findings.force_map import force_map
+from dashred.inference.segments.selection.beside_law import force_beside
+from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline.assimilation import AssimilationResult
@@ -59,6 +61,8 @@ LAW_TOLERANCE, EMPTY_TOLERANCE = 1e-5, 1e-3
 # Number of alternative laws that are kept, and their largest distance in score from the best law.
 MAX_RIVALS = 6
 RIVAL_MARGIN = 12.0
+# A force that is a smaller share of what is missing does not change the verdict.
+LEFT_SHARE = 0.1
 
 
 @torch.no_grad()
@@ -207,12 +211,24 @@ def discover(
         forcing_map=comparison.forcing_map,
         source=comparison.source,
     )
-    if told is None:
+    if told is not None:
+        gain = 0.0
+        if not has_model_error:
+            gain = max(told.further_gain, forcing_gain_on(told.fit, problem, nominal))
+        found = with_headline(found, told.fit.law, gain)
+    return found if segments is None else _with_left_force(found, segments)
+
+
+def _with_left_force(found: Discovery, segments: SegmentSearch) -> Discovery:
+    """Return the discovery with the force that its law leaves unexplained over segments."""
+    best = found.best
+    if best.window is not None or best.source is not None or best.faults or not best.candidates:
         return found
-    gain = 0.0
-    if not has_model_error:
-        gain = max(told.further_gain, forcing_gain_on(told.fit, problem, nominal))
-    return with_headline(found, told.fit.law, gain)
+    left = force_beside(segments, best)
+    if left.share < LEFT_SHARE:
+        return found
+    gain = max(found.forcing_gain, left.gain)
+    return replace(found, forcing_gain=gain, forcing_map=force_map(segments))
 
 
 def _proposals(

@@ -18,11 +18,11 @@ from dashred.inference.hypotheses.extended.extended_library import (
     build_extended_candidates,
     extended_terms,
 )
-from dashred.inference.segments.equivalent_laws import merge_equivalent
 from dashred.inference.segments.natural_scales import natural_scales
-from dashred.inference.segments.search import SegmentSearch, search_further, search_sensor_errors
-from dashred.inference.segments.set_selection import SegmentLaw
-from dashred.inference.segments.state_sensors import possible_errors
+from dashred.inference.segments.selection.beside_law import EXPLAINED, search_beside_errors
+from dashred.inference.segments.selection.equivalent_laws import merge_equivalent
+from dashred.inference.segments.selection.search import SegmentSearch, search_further
+from dashred.inference.segments.selection.set_selection import SegmentLaw
 from dashred.physics.expressions import algebra
 from dashred.physics.library import WAVES, angles, build_library, calls, default_terms
 from dashred.physics.system import System
@@ -33,8 +33,6 @@ from dashred.pipeline.simulation import NominalRun
 
 # Sensor errors are searched beside laws of more terms, or if the record is not explained.
 SIMPLE_TERMS = 2
-# The law explains the record if its misfit per reading is below this limit.
-EXPLAINED = 1.7
 # Definitions get candidates if the misfit per reading is above this limit, and if it then decreases
 # below this share.
 UNEXPLAINED, GAIN = 5.0, 0.5
@@ -59,12 +57,31 @@ def search_libraries(problem: Problem, nominal: NominalRun) -> tuple[Problem, Se
         problem = narrow
     else:
         found = search_library(problem, nominal)
-    opened = _with_definitions(problem, nominal, found) if problem.config.library is None else None
+    beside = None if found is None else _beside_errors(found)
+    opened = None
+    if problem.config.library is None and not (beside is not None and not beside.best.members):
+        opened = _with_definitions(problem, nominal, found)
     if opened is not None:
         problem, found = opened
-    if found is None or (is_narrow and opened is None):
+    if found is None or (is_narrow and opened is None and beside is None):
         return problem, found
-    return _extend(problem, nominal, _with_sensor_errors(found))
+    wider, further = _extend(problem, nominal, found)
+    if beside is not None and _score(beside) < _score(further) - EXTENSION_GAIN:
+        return problem, beside
+    return wider, further
+
+
+def _beside_errors(found: SegmentSearch) -> SegmentSearch | None:
+    """Return the laws beside sensor errors; None if a law of a few terms explains the record."""
+    if is_explained(found) and len(found.best.members) <= SIMPLE_TERMS:
+        return None
+    beside = search_beside_errors(found)
+    return None if beside is None else merge_equivalent(beside)
+
+
+def _score(found: SegmentSearch) -> float:
+    """Return ``-2 ln p(y)`` of the best law, up to a constant."""
+    return found.walking(found.best).score
 
 
 def _with_definitions(
@@ -105,19 +122,6 @@ def _is_simpler(found: SegmentSearch, other: SegmentSearch) -> bool:
     misfit, least = (float(f.level * np.square(f.problem.noise_std).mean()) for f in (found, other))
     fewer = len(found.best.members) < len(other.best.members)
     return fewer and misfit < AS_WELL * least
-
-
-def _with_sensor_errors(found: SegmentSearch) -> SegmentSearch:
-    """Return the search with sensor errors, if a law of a few terms does not explain the record."""
-    if is_explained(found) and len(found.best.members) <= SIMPLE_TERMS:
-        return found
-    errors = possible_errors(found.problem.segments)
-    if not errors:
-        return found
-    again = merge_equivalent(search_sensor_errors(found, errors))
-    exact = [law for law in again.laws if all(j >= len(errors) for j in law.members)]
-    is_better = not exact or again.best.score < exact[0].score - EXTENSION_GAIN
-    return again if is_better else found
 
 
 def is_explained(found: SegmentSearch) -> bool:

@@ -12,7 +12,7 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise, minimise_growing_horizon
 from dashred.inference.forward.candidates import indices_by_name
 from dashred.inference.initial_state.start_models import project_state
-from dashred.inference.segments.search import SegmentSearch
+from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.pipeline.discovery.first_guess_stage import FittedGuess
 
 STEPS, TOLERANCE = 20, 1e-4

@@ -8,9 +8,9 @@ import numpy as np
 
 from dashred.core.budget import Deadline
 from dashred.inference.forward.candidates import Candidate, build_candidates
-from dashred.inference.segments.equivalent_laws import merge_equivalent
 from dashred.inference.segments.natural_scales import natural_scales
-from dashred.inference.segments.search import SegmentSearch, search
+from dashred.inference.segments.selection.equivalent_laws import merge_equivalent
+from dashred.inference.segments.selection.search import SegmentSearch, search
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 from dashred.physics.tangents.ode_tangents import has_ode_tangents
 from dashred.pipeline.problem import Problem

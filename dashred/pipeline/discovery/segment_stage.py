@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -12,15 +13,20 @@ from dashred.core.tracking import StageTracker
 from dashred.inference.fit.forecast_choice import MOST_TERMS
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.hypotheses.result import BestOfSize, Discovery
-from dashred.inference.segments.error_growth import error_growth
-from dashred.inference.segments.forecast import sufficient_law
-from dashred.inference.segments.search import SegmentSearch
-from dashred.inference.segments.segment_laws import law_from_segments, segment_noise
-from dashred.inference.segments.set_selection import SegmentLaw
+from dashred.inference.segments.findings.error_growth import error_growth
+from dashred.inference.segments.findings.force_map import force_map
+from dashred.inference.segments.findings.forecast import sufficient_law
+from dashred.inference.segments.findings.segment_laws import law_from_segments, segment_noise
+from dashred.inference.segments.selection.beside_law import unexplained_force
+from dashred.inference.segments.selection.search import SegmentSearch
+from dashred.inference.segments.selection.set_selection import SegmentLaw
 from dashred.pipeline.discovery.headline_law import terms_beside
 from dashred.pipeline.discovery.law_metrics import log_best_by_size
 from dashred.pipeline.discovery.least_squares import fit_noise
-from dashred.pipeline.discovery.library_choice import is_explained, search_libraries
+from dashred.pipeline.discovery.library_choice import (
+    is_explained,
+    search_libraries,
+)
 from dashred.pipeline.discovery.segment_search import STAGE
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.segments import can_restart
@@ -53,6 +59,7 @@ def search_in_segments(
         if found is None:
             report(1.0, "no set of terms could be fitted")
         else:
+            found = replace(found, force=unexplained_force(found))
             law = law_from_segments(found, found.best)
             report(1.0, f"{law}, χ²/n {found.level:.2f}")
     if problem.deadline(STAGE).is_over:
@@ -77,8 +84,7 @@ def with_few_terms(found: SegmentSearch) -> SegmentSearch:
 
 def has_sensor_errors(found: SegmentSearch) -> bool:
     """Return whether the best law explains the record together with sensor errors."""
-    first = len(found.problem.errors)
-    return is_explained(found) and any(j < first for j in found.best.members)
+    return is_explained(found) and bool(found.errors)
 
 
 @torch.no_grad()
@@ -98,7 +104,7 @@ def discover_in_segments(
     empty = next(law for law in found.laws if not law.members)
     with stage("fit the law to the end", seconds) as report:
         laws = [law_from_segments(found, law) for law in near]
-        uncorrected = law_from_segments(found, empty)
+        uncorrected = replace(law_from_segments(found, empty), faults=())
         path = _best_by_size(found)
         log_best_by_size(run, path)
         report(1.0, str(laws[0]))
@@ -116,9 +122,16 @@ def discover_in_segments(
         is_search_complete=True,
         path=path,
         refit_count=len(found.laws),
-        forcing_gain=0.0 if is_explained(found) else (level - 1) * found.problem.segments.seen,
+        forcing_gain=_forcing_gain(found),
+        forcing_map=force_map(found),
         also_supported=terms_beside(laws[0], *found.terms(supported)),
     )
+
+
+def _forcing_gain(found: SegmentSearch) -> float:
+    """Return the evidence for what the best law does not express."""
+    left = 0.0 if is_explained(found) else (found.level - 1) * found.problem.segments.seen
+    return max(left, found.force_gain)
 
 
 def _best_by_size(found: SegmentSearch) -> list[BestOfSize]:

@@ -8,6 +8,7 @@ from functools import partial
 from matplotlib.figure import Figure
 
 from dashred.core.findings.schema import Findings
+from dashred.core.units import time_label
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.outputs.field_figures import draw_fields, draw_forcing, draw_where
 from dashred.pipeline.outputs.method_figures import (
@@ -29,7 +30,7 @@ from dashred.reporting.figures.figure_names import (
     SENSOR_ERRORS,
     sensor_figure_of_episode,
 )
-from dashred.reporting.figures.save import evidence_figure
+from dashred.reporting.figures.save import evidence_figure, force_over_time
 
 Figures = Mapping[str, Callable[[], Figure]]
 """Functions that draw the figures, by file name."""
@@ -57,9 +58,12 @@ def figures_of(problem: Problem, analysis: Analysis, findings: Findings) -> Figu
         figures["forecast.png"] = partial(draw_forecast, problem, analysis)
         figures["evidence.png"] = partial(_evidence, analysis, findings)
     if where is not None:
-        if len(problem.system.axes) == 1 and where["forcing"] is not None:
-            drawn = partial(draw_forcing, problem, where["forcing"], where["source"])
-            figures["forcing.png"] = drawn
+        forcing = where["forcing"]
+        if len(problem.system.axes) == 1 and forcing is not None:
+            figures["forcing.png"] = partial(draw_forcing, problem, forcing, where["source"])
+        if not problem.system.axes and forcing is not None:
+            clock = time_label(problem.system.units)
+            figures["forcing.png"] = partial(force_over_time, forcing, clock)
         if is_told:
             figures["where.png"] = partial(draw_where, problem, analysis, where)
     if axes := len(problem.system.axes):

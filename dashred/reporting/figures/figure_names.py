@@ -20,7 +20,7 @@ Captions = dict[str, dict[str, str]]
 OF_EQUATIONS: Captions = {
     WHERE: {
         "Where the law acts, and at which sensors it reduces the misfit": "where.png",
-        "The free forcing, by place and time": "forcing.png",
+        "The forcing that no law expresses, by place and time": "forcing.png",
         "The errors of faulty sensors over time": SENSOR_ERRORS,
     },
     WHAT: {"The missing terms and their evidence": "evidence.png"},

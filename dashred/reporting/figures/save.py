@@ -10,6 +10,7 @@ from dashred.reporting.figures.fields.location import LawMap, where_figure
 from dashred.reporting.figures.fields.snapshots import snapshot_panels
 from dashred.reporting.figures.fields.space_time import space_time_panels
 from dashred.reporting.figures.fields.state_traces import state_traces
+from dashred.reporting.figures.force_over_time import force_over_time
 from dashred.reporting.figures.forecast import forecast_figure
 from dashred.reporting.figures.held_out import verification_figure
 from dashred.reporting.figures.sparsity import LatentPath, accuracy_against_sparsity
@@ -25,6 +26,7 @@ __all__ = [
     "epochs_and_values",
     "error_curves_figure",
     "evidence_figure",
+    "force_over_time",
     "forcing_figure",
     "forecast_figure",
     "front_figure",

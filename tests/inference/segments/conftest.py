@@ -13,6 +13,7 @@ from dashred.inference.forward.candidates import Candidate
 from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import Array, Segments, cut
 from dashred.inference.segments.state_sensors import StateSensors
+from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 from dashred.physics.system import System
 from tests import laws
 
@@ -29,6 +30,7 @@ recording: {twin: a, sensors: 2, noise: 0, duration: 4, every: 0.05}
 TERMS = ("x", "y", "z", "x*y", "x*z", "y*z", "x**2", "sin(y)")
 TIMES = np.linspace(0, 12, 241)
 NOISE = 0.15
+MEAN, SPREAD = np.array([[-6.5, -9.4, 21.5]]), np.full(3, 3.0)
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,20 @@ class Convection:
     def index(self, name: str) -> int:
         """Return the index of a candidate, ``equation: term``."""
         return [str(candidate) for candidate in self.candidates].index(name)
+
+
+def weak_problem(convection: Convection) -> WeakConstraintProblem:
+    """F without walks."""
+    return WeakConstraintProblem(
+        simulator=convection.simulator,
+        sensors=convection.sensors,
+        candidates=convection.candidates,
+        noise_std=np.full(2, NOISE),
+        model_error=np.full(3, 0.1),
+        start_mean=MEAN,
+        start_std=SPREAD,
+        prior_std=np.ones(len(convection.candidates)),
+    )
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from dashred.config import load_config
 from dashred.inference.forward.candidates import build_candidates
-from dashred.inference.segments.search import SegmentSearch
+from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.pipeline.discovery.least_squares import build_least_squares, exact_simulator
 from dashred.pipeline.discovery.library_choice import search_libraries
 from dashred.pipeline.discovery.segment_horizon import follow_segments

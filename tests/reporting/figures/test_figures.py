@@ -18,6 +18,7 @@ from dashred.reporting.figures.save import (
     accuracy_against_sparsity,
     coefficients_against_epoch,
     error_curves_figure,
+    force_over_time,
     forecast_figure,
     learning_curves,
     rmse_against_time,
@@ -310,3 +311,17 @@ def test_the_error_of_a_sensor_is_drawn_with_its_band() -> None:
     )
     inside = band[(band[:, 0] >= 0) & (band[:, 0] <= 8)]
     assert inside[:, 1].min() == pytest.approx(-0.14, abs=0.01)
+
+
+def test_a_force_over_time_is_drawn_for_the_equations_that_it_acts_in() -> None:
+    value = 0.1 * np.sin(TIMES)
+    forcing = {
+        "times": TIMES.tolist(),
+        "amplitude": {"x": [[0.0] * len(TIMES)], "v": [value.tolist()]},
+        "std": {"x": [[0.0] * len(TIMES)], "v": [[0.02] * len(TIMES)]},
+    }
+    figure = force_over_time(forcing, "time [s]")
+    assert titles(figure) == ["equation of v"]
+    [axes] = figure.axes
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), value)
+    assert axes.get_xlabel() == "time [s]"

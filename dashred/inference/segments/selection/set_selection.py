@@ -7,7 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from dashred.inference.fit.subset_search import ProfiledProblem
-from dashred.inference.segments.candidate_sets import (
+from dashred.inference.segments.gauss_newton import NodeFit, fit_nodes
+from dashred.inference.segments.point import Point
+from dashred.inference.segments.selection.candidate_sets import (
     LARGEST,
     Set,
     beam_search,
@@ -16,8 +18,7 @@ from dashred.inference.segments.candidate_sets import (
     with_one,
     without_one,
 )
-from dashred.inference.segments.gauss_newton import NodeFit, fit_nodes
-from dashred.inference.segments.weak_constraint import Point, WeakConstraintProblem
+from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 
 # A set is refitted under a model error that is larger by this factor first, because most candidates
 # have been removed.
@@ -134,10 +135,15 @@ def _refit(problem: WeakConstraintProblem, point: Point, members: Set) -> NodeFi
     return fit_nodes(problem, begun.point, members, REFIT_STEPS)
 
 
+def term_price(problem: WeakConstraintProblem) -> float:
+    """Return the cost of one term more."""
+    return _price(problem.count, problem.segments.seen)
+
+
 def _ranked(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> list[SegmentLaw]:
     seen = problem.segments.seen
     level = _level((fit.cost for fit in fits.values()), seen)
-    price = _price(problem.count, seen)
+    price = term_price(problem)
     laws = [
         SegmentLaw(members, fit, fit.cost / level + price * len(members))
         for members, fit in fits.items()

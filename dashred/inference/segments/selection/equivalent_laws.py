@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from dashred.inference.segments.search import SegmentSearch
 from dashred.inference.segments.segments import Array
-from dashred.inference.segments.set_selection import SegmentLaw
+from dashred.inference.segments.selection.law_tendency import law_tendency
+from dashred.inference.segments.selection.search import SegmentSearch
+from dashred.inference.segments.selection.set_selection import SegmentLaw
 from dashred.physics.expressions.algebra import Call, Expr, Power, children
 
 # Laws whose tendencies differ by less than this share over the record, and whose scores differ by
@@ -41,13 +42,10 @@ def merge_equivalent(search: SegmentSearch) -> SegmentSearch:
 
 
 def _tendency(search: SegmentSearch, law: SegmentLaw) -> Array:
-    """Return what a law adds to the equations at the best law's nodes, ``(field, segment)``."""
-    problem = search.problem
-    nodes, (chosen, xi) = search.best.fit.point.nodes, search.terms(law)
-    _, terms, equations, owners = problem.simulator.tendencies(nodes, chosen)
-    found = np.zeros((nodes.shape[1], len(nodes)))
-    np.add.at(found, equations, xi[owners, None] * terms)
-    scaled: Array = found / search.natural.rate[:, None]
+    """Return what a law adds to the equations at the best law's nodes, in units of their rates."""
+    nodes = search.best.fit.point.nodes
+    found = law_tendency(search.problem.simulator, nodes, *search.terms(law))
+    scaled: Array = found / search.natural.rate
     return scaled
 
 

@@ -7,35 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dashred.inference.segments.equivalent_laws import merge_equivalent
-from dashred.inference.segments.error_growth import error_growth
+from dashred.inference.segments.findings.error_growth import error_growth
+from dashred.inference.segments.findings.forecast import forecast, forecast_length, sufficient_law
+from dashred.inference.segments.findings.segment_laws import law_from_segments, states_by_sample
 from dashred.inference.segments.first_nodes import first_nodes
-from dashred.inference.segments.forecast import forecast, forecast_length, sufficient_law
 from dashred.inference.segments.gauss_newton import NodeFit, fit_nodes
 from dashred.inference.segments.natural_scales import field_sizes, natural_scales
-from dashred.inference.segments.search import SegmentSearch, search
-from dashred.inference.segments.segment_laws import law_from_segments, states_by_sample
+from dashred.inference.segments.point import Point
 from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import cut
-from dashred.inference.segments.set_selection import SegmentLaw
-from dashred.inference.segments.state_sensors import possible_errors
-from dashred.inference.segments.weak_constraint import Point, WeakConstraintProblem
-from tests.inference.segments.conftest import NOISE, TIMES, Convection
-
-MEAN, SPREAD = np.array([[-6.5, -9.4, 21.5]]), np.full(3, 3.0)
-
-
-def weak_problem(convection: Convection) -> WeakConstraintProblem:
-    return WeakConstraintProblem(
-        simulator=convection.simulator,
-        sensors=convection.sensors,
-        candidates=convection.candidates,
-        noise_std=np.full(2, NOISE),
-        model_error=np.full(3, 0.1),
-        start_mean=MEAN,
-        start_std=SPREAD,
-        prior_std=np.ones(len(convection.candidates)),
-    )
+from dashred.inference.segments.selection.equivalent_laws import merge_equivalent
+from dashred.inference.segments.selection.search import SegmentSearch, search
+from dashred.inference.segments.selection.set_selection import SegmentLaw
+from tests.inference.segments.conftest import MEAN, NOISE, TIMES, Convection, weak_problem
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +56,7 @@ def test_the_gradient_of_the_cost(convection: Convection) -> None:
     problem, members = weak_problem(convection), (1, 9, 12)
     rng = np.random.default_rng(3)
     nodes = convection.states[::4][: convection.segments.count] + 0.1
-    point = Point(nodes, 0.05 * rng.standard_normal(len(convection.candidates)))
+    point = replace(Point.at(nodes, problem.count), xi=0.05 * rng.standard_normal(problem.count))
     normal = problem.linearise(point, members)
     assert normal is not None
     assert normal.cost == pytest.approx(problem.cost(point, members))
@@ -80,7 +64,7 @@ def test_the_gradient_of_the_cost(convection: Convection) -> None:
     xi_along = np.zeros(len(point.xi))
     xi_along[list(members)] = rng.standard_normal(3)
     costs = [
-        problem.cost(Point(nodes + s * along, point.xi + s * xi_along), members)
+        problem.cost(replace(point, nodes=nodes + s * along, xi=point.xi + s * xi_along), members)
         for s in (step, -step)
     ]
     slope = -2 * (
@@ -119,7 +103,7 @@ def test_equal_terms_do_not_stop_the_search(convection: Convection, found: Segme
 
 
 def test_a_fit_that_begins_where_a_segment_blows_up_has_no_cost(convection: Convection) -> None:
-    lost = Point(np.full((convection.segments.count, 3), 1e200), np.zeros(24))
+    lost = Point.at(np.full((convection.segments.count, 3), 1e200), 24)
     assert fit_nodes(weak_problem(convection), lost, (), 3).cost == np.inf
 
 
@@ -135,51 +119,6 @@ def test_the_plainest_of_equivalent_laws_stays(
     merged = merge_equivalent(SegmentSearch(found.problem, found.natural, [double, plain]))
     assert [law.members for law in merged.laws] == [(damping,)]
     assert merged.best.score == double.score
-
-
-def biased(convection: Convection, bias: float) -> WeakConstraintProblem:
-    """The problem with possible sensor errors, and the second sensor biased."""
-    segments = convection.segments
-    readings = segments.readings + np.array([0.0, bias])
-    shifted = replace(segments, readings=readings)
-    problem = weak_problem(convection)
-    errors = tuple(possible_errors(shifted))
-    simulator = convection.simulator.with_segments(shifted)
-    stds = np.ones(len(errors) + len(convection.candidates))
-    return replace(problem, simulator=simulator, errors=errors, prior_std=stds)
-
-
-def test_a_biased_sensor_is_found_beside_the_missing_damping(convection: Convection) -> None:
-    problem = biased(convection, 1.5)
-    sensors, simulator = convection.sensors, problem.simulator
-    size = field_sizes(problem.segments, sensors, np.full(3, 8.0))
-    guesses = first_nodes(simulator, sensors, MEAN, size)
-    scales = natural_scales(simulator, sensors, convection.candidates, guesses[-1], size)
-    sizes = [error.scale for error in problem.errors]
-    scales = replace(scales, coefficient=np.concatenate([sizes, scales.coefficient]))
-    found = search(problem, guesses, scales)
-    law = law_from_segments(found, found.best)
-    assert [str(candidate) for candidate in law.candidates] == ["y: y"]
-    assert float(law.coefficients[0]) == pytest.approx(-1.0, abs=0.05)
-    [fault] = law.faults
-    assert (fault.kind, fault.sensor) == ("bias", sensors.names[1])
-    assert fault.std is not None
-    assert fault.value == pytest.approx(1.5, abs=4 * fault.std) and fault.std < 0.1
-
-
-def test_the_gradient_of_the_cost_with_sensor_errors(convection: Convection) -> None:
-    problem, members = biased(convection, 1.5), (0, 3, 5, 13)
-    rng = np.random.default_rng(4)
-    nodes = convection.states[::4][: convection.segments.count] + 0.1
-    point = Point(nodes, 0.05 * rng.standard_normal(problem.count))
-    normal = problem.linearise(point, members)
-    assert normal is not None
-    assert normal.cost == pytest.approx(problem.cost(point, members))
-    step, along = 1e-6, np.zeros(problem.count)
-    along[list(members)] = rng.standard_normal(4)
-    costs = [problem.cost(Point(nodes, point.xi + s * along), members) for s in (step, -step)]
-    slope = (costs[0] - costs[1]) / (2 * step)
-    assert slope == pytest.approx(-2 * normal.shared_gradient @ along[list(members)], rel=1e-4)
 
 
 def test_a_forecast_of_the_true_law_is_as_good_as_the_noise(found: SegmentSearch) -> None:

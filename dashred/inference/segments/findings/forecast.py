@@ -18,11 +18,11 @@ from dashred.inference.fit.forecast_choice import (
     smallest_sufficient,
 )
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.segments.error_growth import error_growth
+from dashred.inference.segments.findings.error_growth import error_growth
 from dashred.inference.segments.gauss_newton import fit_nodes
-from dashred.inference.segments.search import SegmentSearch
 from dashred.inference.segments.segments import Array, Segments
-from dashred.inference.segments.set_selection import SegmentLaw
+from dashred.inference.segments.selection.search import SegmentSearch
+from dashred.inference.segments.selection.set_selection import SegmentLaw
 
 Indices = NDArray[np.intp]
 
@@ -72,7 +72,7 @@ def forecast(search: SegmentSearch, law: SegmentLaw, length: int) -> Forecast:
     for _ in range(length):
         states, origin = _one_segment_on(search, states, origin, candidates, xi)
     ahead = problem.simulator.run(states, candidates, xi)
-    apart = problem.read(ahead, point, members) - segments.readings
+    apart = problem.read(ahead, point) - segments.readings
     # Only forecasts from within the last part count.
     counts = late & (origin >= 0) & late[origin]
     # After a blow-up the forecast is NaN.

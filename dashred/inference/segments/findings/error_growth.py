@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from dashred.inference.segments.search import SegmentSearch
+from dashred.inference.segments.selection.search import SegmentSearch
 
 
 def error_growth(search: SegmentSearch) -> float:

@@ -8,7 +8,8 @@ import numpy as np
 import torch
 
 from dashred.inference.fit.subset_search import ProfiledProblem
-from dashred.inference.segments.weak_constraint import Point, WeakConstraintProblem
+from dashred.inference.segments.point import Point
+from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 
 Set = tuple[int, ...]
 

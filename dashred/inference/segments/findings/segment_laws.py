@@ -8,11 +8,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.law import Law, SensorFault
+from dashred.inference.fit.law import Law
 from dashred.inference.fit.noise_model import NoiseModel
-from dashred.inference.segments.search import SegmentSearch
+from dashred.inference.segments.findings.error_faults import error_faults
 from dashred.inference.segments.segments import Array, Segments
-from dashred.inference.segments.set_selection import SegmentLaw
+from dashred.inference.segments.selection.search import SegmentSearch
+from dashred.inference.segments.selection.set_selection import SegmentLaw
 
 
 def segment_noise(search: SegmentSearch, noise: NoiseModel) -> NoiseModel:
@@ -38,7 +39,7 @@ def law_from_segments(search: SegmentSearch, found: SegmentLaw) -> Law:
     """
     problem, nodes, members = search.problem, found.fit.point.nodes, found.members
     segments, (candidates, xi) = problem.segments, search.terms(found)
-    readings = problem.read(search.states(found), found.fit.point, members)
+    readings = problem.read(search.states(found), found.fit.point)
     residuals = readings - segments.readings
     normal = problem.linearise(found.fit.point, members)
     profiled = None if normal is None else normal.profiled()
@@ -47,33 +48,16 @@ def law_from_segments(search: SegmentSearch, found: SegmentLaw) -> Law:
         scale = np.sqrt(np.maximum(profiled[0].diagonal(), 1e-300))
         inverse = np.linalg.pinv(profiled[0] / scale[:, None] / scale, hermitian=True)
         covariance = search.level * inverse / scale[:, None] / scale
-    first = len(members) - len(candidates)
     misfit = float(np.nansum(np.square(residuals / problem.noise_std)))
     return Law(
         candidates=candidates,
         coefficients=torch.from_numpy(xi),
-        covariance=torch.from_numpy(covariance[first:, first:]),
+        covariance=torch.from_numpy(covariance),
         start=torch.from_numpy(nodes[segments.begins]),
         score=found.score,
         chi2=misfit / segments.seen / search.level,
         residuals=_by_sample(segments, residuals),
-        faults=_faults(search, found, covariance),
-    )
-
-
-def _faults(search: SegmentSearch, found: SegmentLaw, covariance: Array) -> tuple[SensorFault, ...]:
-    """Return the sensor errors of a law, the covariance being that of its members."""
-    problem, xi = search.problem, found.fit.point.xi
-    errors = [j for j in found.members if j < len(problem.errors)]
-    return tuple(
-        SensorFault(
-            kind=problem.errors[j].kind,
-            sensor=problem.sensors.names[problem.errors[j].sensor],
-            value=float(xi[j]),
-            std=float(np.sqrt(covariance[place, place])),
-            begin=None,
-        )
-        for place, j in enumerate(errors)
+        faults=error_faults(search, found),
     )
 
 

@@ -9,17 +9,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.segments.gauss_newton import NodeFit, fit_nodes
 from dashred.inference.segments.natural_scales import NaturalScales
-from dashred.inference.segments.set_selection import REFITTED, SegmentLaw, select
-from dashred.inference.segments.state_sensors import SensorError
-from dashred.inference.segments.weak_constraint import Point, WeakConstraintProblem
+from dashred.inference.segments.point import Point
+from dashred.inference.segments.selection.causes import Cause, Level
+from dashred.inference.segments.selection.set_selection import REFITTED, SegmentLaw, select
+from dashred.inference.segments.selection.walk_choice import Walking
+from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 
 # Model error q, in units of rate · duration of a segment, and the prior of the coefficients, in
 # units of their natural scales.
@@ -37,14 +39,27 @@ class SegmentSearch:
     """The result of a search.
 
     Attributes:
-        problem: F as the sets were refitted.
+        problem: F as the sets were refitted, with the walks of sensor errors, if any.
         natural: scales.
         laws: every set, the best first.
+        errors: the sensor errors, with their levels.
+        price: of the sensor errors, see :class:`Walking`.
+        force: what a law, or none, leaves unexplained; None if the evidence supports no force.
     """
 
     problem: WeakConstraintProblem
     natural: NaturalScales
     laws: list[SegmentLaw]
+    errors: Mapping[Cause, Level] = field(default_factory=dict)
+    price: float = 0.0
+    force: Walking | None = None
+
+    @property
+    def force_gain(self) -> float:
+        """Evidence for a force that the best law does not express, in units of ``2 ln p``."""
+        if self.force is None:
+            return 0.0
+        return max(0.0, self.walking(self.best).score - self.force.score)
 
     @property
     def level(self) -> float:
@@ -57,7 +72,7 @@ class SegmentSearch:
 
     def states(self, law: SegmentLaw) -> np.ndarray:
         """Return the states of a law in every segment, ``(segment, sample, field)``."""
-        return self.problem.simulator.run(law.fit.point.nodes, *self.terms(law))
+        return self.problem.states(law.fit.point, law.members)
 
     def with_best(self, law: SegmentLaw) -> SegmentSearch:
         """Return the search with another law in the first place, instead of larger ones."""
@@ -68,6 +83,10 @@ class SegmentSearch:
         ]
         told = replace(law, score=min(self.best.score, law.score))
         return replace(self, laws=[told, *others])
+
+    def walking(self, law: SegmentLaw) -> Walking:
+        """Return a law with the sensor errors beside it."""
+        return Walking(self.problem, law.members, law.fit, self.price, self.errors)
 
     @property
     def best(self) -> SegmentLaw:
@@ -115,52 +134,26 @@ def search_further(
         candidates: further candidates.
         scales: their natural scales, ``(candidate,)``.
     """
-    known = found.problem.candidates
-    problem = replace(found.problem, candidates=(*known, *candidates))
-    return _search_again(found, problem, scales, found.problem.count)
-
-
-def search_sensor_errors(found: SegmentSearch, errors: Sequence[SensorError]) -> SegmentSearch:
-    """Return the laws with possible sensor errors, selected about the best law of a search.
-
-    Args:
-        found: the earlier search, without sensor errors.
-        errors: possible errors.
-    """
-    problem = replace(found.problem, errors=tuple(errors))
-    return _search_again(found, problem, np.array([error.scale for error in errors]), 0)
-
-
-def _search_again(
-    found: SegmentSearch, problem: WeakConstraintProblem, scales: np.ndarray, place: int
-) -> SegmentSearch:
-    """Select about the best law of a search, with more coefficients.
-
-    Args:
-        found: the earlier search.
-        problem: F with the further coefficients, and with the prior of the earlier ones alone.
-        scales: natural scales of the further coefficients.
-        place: index of the first of them.
-    """
-
-    def widened(values: np.ndarray, further: np.ndarray) -> np.ndarray:
-        return np.concatenate([values[:place], further, values[place:]])
-
-    count, point = len(scales), found.best.fit.point
-    problem = replace(problem, prior_std=widened(problem.prior_std, PRIOR * scales))
-    natural = replace(found.natural, coefficient=widened(found.natural.coefficient, scales))
-    begin = Point(point.nodes, widened(point.xi, np.zeros(count)))
-    earlier = [
-        tuple(j + count if j >= place else j for j in law.members) for law in found.laws[:REFITTED]
-    ]
-    return SegmentSearch(problem, natural, select(problem, problem, begin, earlier))
+    problem, count = found.problem, len(candidates)
+    problem = replace(
+        problem,
+        candidates=(*problem.candidates, *candidates),
+        prior_std=np.concatenate([problem.prior_std, PRIOR * scales]),
+    )
+    natural = found.natural
+    natural = replace(natural, coefficient=np.concatenate([natural.coefficient, scales]))
+    point = found.best.fit.point
+    begin = replace(point, xi=np.concatenate([point.xi, np.zeros(count)]))
+    earlier = [law.members for law in found.laws[:REFITTED]]
+    laws = select(problem, problem, begin, earlier)
+    return replace(found, problem=problem, natural=natural, laws=laws)
 
 
 def _state_alone(
     problem: WeakConstraintProblem, nodes: np.ndarray, natural: NaturalScales
 ) -> NodeFit:
     """Fit the nodes under the simulator as it is, with a model error that shrinks."""
-    fit = NodeFit(Point(nodes, np.zeros(problem.count)), math.inf)
+    fit = NodeFit(Point.at(nodes, problem.count), math.inf)
     for q in STATE_ALONE:
         fit = fit_nodes(_weighted(problem, natural, q, 1.0), fit.point, (), ANNEALING_STEPS)
     return fit

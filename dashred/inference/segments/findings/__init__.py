@@ -1,0 +1,1 @@
+"""Findings of a search over segments."""

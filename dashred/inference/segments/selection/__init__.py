@@ -1,0 +1,1 @@
+"""Selection of laws, sensor errors and forces over segments."""

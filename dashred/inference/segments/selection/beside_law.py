@@ -1,0 +1,190 @@
+"""Laws beside errors of sensors, and the force that a law leaves unexplained."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+
+from dashred.inference.fit.law import Law
+from dashred.inference.segments.gauss_newton import fit_nodes
+from dashred.inference.segments.point import Point
+from dashred.inference.segments.selection.causes import (
+    Cause,
+    possible_errors,
+    possible_forces,
+    walks_of,
+)
+from dashred.inference.segments.selection.law_tendency import law_tendency
+from dashred.inference.segments.selection.search import SegmentSearch
+from dashred.inference.segments.selection.set_selection import select
+from dashred.inference.segments.selection.walk_choice import Walking, add_causes, walk_price
+from dashred.inference.segments.walks import NO_WALKS
+from dashred.inference.segments.weak_constraint import WeakConstraintProblem
+from dashred.inference.sensor_faults.lost_samples import first_stuck_sample
+from dashred.physics.library import equations_with_candidates
+
+# Prior of the coefficients of a given law, in units of their size, and steps of its fit.
+WIDE, STEPS = 10.0, 8
+# The law explains the record if its misfit per reading is below this limit.
+EXPLAINED = 1.7
+# The courses of an error in several episodes are compared at so many points, and are alike if their
+# mean correlation is above this limit.
+COMPARED, ALIKE = 20, 0.8
+# An error jumps where the readings are so many σ away, and in at most so many of all readings.
+JUMP, MOST_JUMPS = 4.0, 0.1
+
+
+@dataclass(frozen=True)
+class LeftForce:
+    """A force that a law leaves unexplained.
+
+    Attributes:
+        gain: evidence for it, in units of ``2 ln p``.
+        share: its rms as a share of what is missing in all, law and force, from 0 to 1.
+    """
+
+    gain: float
+    share: float
+
+
+def search_beside_errors(found: SegmentSearch) -> SegmentSearch | None:
+    """Return the laws beside the sensor errors that the evidence supports; None if there are none.
+
+    Forces are tried as well: without them an error would have to make up for a missing law. Where
+    an error jumps within a segment, the readings there are left out.
+
+    Args:
+        found: the search without sensor errors.
+    """
+    errors = possible_errors(found.problem)
+    if not errors:
+        return None
+    started = _best(found, [*_forces(found), *errors])
+    kept = {cause: level for cause, level in started.causes.items() if cause.kind == "error"}
+    if not kept:
+        return None
+    problem = replace(_without_jumps(started), walks=walks_of(kept))
+    forces = len(started.problem.walks.forced)
+    point = replace(started.fit.point, walked=started.fit.point.walked[:, forces:])
+    laws = select(problem, problem, point)
+    price = walk_price(problem, laws[0].fit.point, laws[0].members)
+    beside = replace(found, problem=problem, laws=laws, errors=kept, price=price)
+    is_wrong = beside.level > EXPLAINED or _repeats(beside) or _is_stuck(beside)
+    return None if is_wrong else beside
+
+
+def _without_jumps(walking: Walking) -> WeakConstraintProblem:
+    """Return F without the readings of erring sensors that the walks cannot follow."""
+    problem, point = walking.problem, walking.fit.point
+    segments = problem.segments
+    apart = problem.read(problem.states(point, walking.members), point) - segments.readings
+    jumps = np.abs(apart) > JUMP * problem.noise_std
+    sound = [s for s in range(jumps.shape[-1]) if s not in problem.walks.erring]
+    jumps[:, :, sound] = False
+    if jumps.sum() > MOST_JUMPS * segments.available.sum():
+        return problem
+    kept = replace(segments, readings=np.where(jumps, np.nan, segments.readings))
+    return replace(problem, simulator=problem.simulator.with_segments(kept))
+
+
+def _repeats(found: SegmentSearch) -> bool:
+    """Tell whether an error has the same course in all episodes: it then follows the state.
+
+    A steady error may be the same.
+    """
+    segments, walked = found.problem.segments, found.best.fit.point.walked
+    count = len(segments.begins)
+    if count < 2:
+        return False
+    share = np.linspace(0, 1, COMPARED)
+    for place, level in enumerate(found.errors.values()):
+        if level.name != "wandering":
+            continue
+        courses = []
+        for episode in range(count):
+            values = walked[segments.episode == episode, 2 * place]
+            courses.append(np.interp(share, np.linspace(0, 1, len(values)), values))
+        alike = np.corrcoef(courses)[np.triu_indices(count, 1)]
+        if alike.mean() > ALIKE:
+            return True
+    return False
+
+
+def _is_stuck(found: SegmentSearch) -> bool:
+    """Tell whether an erring sensor is stuck: its readings stand still, and its error does not.
+
+    This fault is no walk. It is found along one trajectory.
+    """
+    problem, point = found.problem, found.best.fit.point
+    segments = problem.segments
+    errors = np.asarray(problem.walks.errors(segments, point.walked))
+    for cause in found.errors:
+        sigma = float(problem.noise_std[cause.index])
+        for episode in range(len(segments.begins)):
+            trace, error = (
+                segments.join(values[:, :, cause.index], episode)
+                for values in (segments.readings, errors)
+            )
+            seen = np.isfinite(trace)
+            begin = first_stuck_sample(torch.from_numpy(trace[seen]), sigma)
+            tail = error[seen][begin:]
+            if len(tail) and float(np.std(tail)) > JUMP * sigma:
+                return True
+    return False
+
+
+def unexplained_force(found: SegmentSearch) -> Walking | None:
+    """Return the force beside the best law or beside none; None if the evidence supports none.
+
+    Args:
+        found: the laws.
+    """
+    walking = _best(found, _forces(found))
+    if any(cause.kind == "force" for cause in walking.causes):
+        return walking
+    return None
+
+
+def _forces(found: SegmentSearch) -> list[Cause]:
+    """Return a force in every equation that may get terms."""
+    system = found.problem.simulator.systems[0]
+    equations = [system.fields.index(field) for field in equations_with_candidates(system)]
+    return possible_forces(found.natural.rate, equations)
+
+
+def _best(found: SegmentSearch, causes: Sequence[Cause]) -> Walking:
+    """Return the best law or the empty one, whichever does better, with causes beside it."""
+    empty = next(law for law in found.laws if not law.members)
+    laws = [found.best] if found.best is empty else [found.best, empty]
+    tried = [add_causes(found.walking(law), causes) for law in laws]
+    return min(tried, key=lambda each: each.score)
+
+
+def force_beside(found: SegmentSearch, law: Law) -> LeftForce:
+    """Return the force that a law, fitted along one trajectory, leaves unexplained.
+
+    Args:
+        found: a search over segments of the same recording.
+        law: acts everywhere, without faults.
+    """
+    xi = law.coefficients.numpy()
+    problem = replace(
+        found.problem,
+        candidates=law.candidates,
+        prior_std=WIDE * (np.abs(xi) + law.std.numpy()),
+        walks=NO_WALKS,
+    )
+    members, nodes = tuple(range(len(xi))), found.best.fit.point.nodes
+    fit = fit_nodes(problem, replace(Point.at(nodes, len(xi)), xi=xi), members, STEPS)
+    alone = Walking(problem, members, fit)
+    both = add_causes(alone, _forces(found))
+    if both is alone:
+        return LeftForce(0.0, 0.0)
+    point, rate = both.fit.point, found.natural.rate
+    force = both.problem.walks.forces(point.walked, len(rate)) / rate
+    told = law_tendency(problem.simulator, point.nodes, law.candidates, point.xi) / rate
+    share = np.linalg.norm(force) / np.linalg.norm(np.hypot(force, told))
+    return LeftForce(alone.score - both.score, float(share))
