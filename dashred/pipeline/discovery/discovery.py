@@ -22,7 +22,7 @@ from dashred.inference.forward.candidates import Candidate, build_candidates, in
 from dashred.inference.hypotheses.comparison.comparison import Comparison
 from dashred.inference.hypotheses.result import BestOfSize, Discovery
 from dashred.inference.segments.findings.force_map import force_map
-from dashred.inference.segments.selection.beside_law import force_beside
+from dashred.inference.segments.selection.left_force import force_beside
 from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
@@ -61,8 +61,6 @@ LAW_TOLERANCE, EMPTY_TOLERANCE = 1e-5, 1e-3
 # Number of alternative laws that are kept, and their largest distance in score from the best law.
 MAX_RIVALS = 6
 RIVAL_MARGIN = 12.0
-# A force that is a smaller share of what is missing does not change the verdict.
-LEFT_SHARE = 0.1
 
 
 @torch.no_grad()
@@ -225,10 +223,10 @@ def _with_left_force(found: Discovery, segments: SegmentSearch) -> Discovery:
     if best.window is not None or best.source is not None or best.faults or not best.candidates:
         return found
     left = force_beside(segments, best)
-    if left.share < LEFT_SHARE:
+    if left is None:
         return found
     gain = max(found.forcing_gain, left.gain)
-    return replace(found, forcing_gain=gain, forcing_map=force_map(segments))
+    return replace(found, forcing_gain=gain, forcing_map=force_map(left))
 
 
 def _proposals(

@@ -19,7 +19,7 @@ from dashred.inference.hypotheses.extended.extended_library import (
     extended_terms,
 )
 from dashred.inference.segments.natural_scales import natural_scales
-from dashred.inference.segments.selection.beside_law import EXPLAINED, search_beside_errors
+from dashred.inference.segments.selection.beside_errors import EXPLAINED, search_beside_errors
 from dashred.inference.segments.selection.equivalent_laws import merge_equivalent
 from dashred.inference.segments.selection.search import SegmentSearch, search_further
 from dashred.inference.segments.selection.set_selection import SegmentLaw

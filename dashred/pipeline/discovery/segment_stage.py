@@ -17,7 +17,7 @@ from dashred.inference.segments.findings.error_growth import error_growth
 from dashred.inference.segments.findings.force_map import force_map
 from dashred.inference.segments.findings.forecast import sufficient_law
 from dashred.inference.segments.findings.segment_laws import law_from_segments, segment_noise
-from dashred.inference.segments.selection.beside_law import unexplained_force
+from dashred.inference.segments.selection.left_force import left_force
 from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.inference.segments.selection.set_selection import SegmentLaw
 from dashred.pipeline.discovery.headline_law import terms_beside
@@ -59,7 +59,6 @@ def search_in_segments(
         if found is None:
             report(1.0, "no set of terms could be fitted")
         else:
-            found = replace(found, force=unexplained_force(found))
             law = law_from_segments(found, found.best)
             report(1.0, f"{law}, χ²/n {found.level:.2f}")
     if problem.deadline(STAGE).is_over:
@@ -109,6 +108,8 @@ def discover_in_segments(
         log_best_by_size(run, path)
         report(1.0, str(laws[0]))
     count, level = len(problem.split.fit.times), found.level
+    unexplained = 0.0 if is_explained(found) else (level - 1) * found.problem.segments.seen
+    left = left_force(found, found.walking(found.best))
     noise: NoiseModel = segment_noise(found, fit_noise(problem))
     return Discovery(
         laws=laws,
@@ -122,16 +123,10 @@ def discover_in_segments(
         is_search_complete=True,
         path=path,
         refit_count=len(found.laws),
-        forcing_gain=_forcing_gain(found),
-        forcing_map=force_map(found),
+        forcing_gain=max(unexplained, left.gain if left is not None else 0.0),
+        forcing_map=None if left is None else force_map(left),
         also_supported=terms_beside(laws[0], *found.terms(supported)),
     )
-
-
-def _forcing_gain(found: SegmentSearch) -> float:
-    """Return the evidence for what the best law does not express."""
-    left = 0.0 if is_explained(found) else (found.level - 1) * found.problem.segments.seen
-    return max(left, found.force_gain)
 
 
 def _best_by_size(found: SegmentSearch) -> list[BestOfSize]:

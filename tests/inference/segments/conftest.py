@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -10,8 +11,11 @@ from scipy.integrate import solve_ivp
 
 from dashred.data.sensors import Sensor
 from dashred.inference.forward.candidates import Candidate
+from dashred.inference.segments.first_nodes import first_nodes
+from dashred.inference.segments.natural_scales import field_sizes, natural_scales
 from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import Array, Segments, cut
+from dashred.inference.segments.selection.search import SegmentSearch, search
 from dashred.inference.segments.state_sensors import StateSensors
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 from dashred.physics.system import System
@@ -31,6 +35,11 @@ TERMS = ("x", "y", "z", "x*y", "x*z", "y*z", "x**2", "sin(y)")
 TIMES = np.linspace(0, 12, 241)
 NOISE = 0.15
 MEAN, SPREAD = np.array([[-6.5, -9.4, 21.5]]), np.full(3, 3.0)
+
+
+# The candidates of `find`.
+NAMES = ("x: x", "x: y*z", "y: x", "y: y", "y: x*z", "z: x", "z: z", "z: x*y")
+Find = Callable[..., SegmentSearch]
 
 
 @dataclass(frozen=True)
@@ -97,3 +106,28 @@ def convection(tmp_path_factory: pytest.TempPathFactory) -> Convection:
     ).y.T
     noise = NOISE * np.random.default_rng(1).standard_normal((len(TIMES), 2))
     return Convection(system, candidates, states, states[:, :2] + noise)
+
+
+@pytest.fixture
+def find(convection: Convection) -> Find:
+    """Search the law of readings of x and y, ``(time, sensor)`` of each episode."""
+
+    def run(*readings: Array) -> SegmentSearch:
+        count = len(readings)
+        segments = cut([TIMES] * count, readings)
+        simulator = SegmentSimulator([convection.system] * count, segments, 4)
+        sensors, means = convection.sensors, np.repeat(MEAN, count, axis=0)
+        size = field_sizes(segments, sensors, np.full(3, 8.0))
+        guesses = first_nodes(simulator, sensors, means, size)
+        chosen = tuple(convection.candidates[convection.index(name)] for name in NAMES)
+        scales = natural_scales(simulator, sensors, chosen, guesses[-1], size)
+        problem = replace(
+            weak_problem(convection),
+            simulator=simulator,
+            candidates=chosen,
+            start_mean=means,
+            prior_std=np.ones(len(chosen)),
+        )
+        return search(problem, guesses, scales)
+
+    return run

@@ -1,4 +1,4 @@
-"""The force that no law over segments expresses, over time."""
+"""The force that a law over segments leaves, over time."""
 
 from __future__ import annotations
 
@@ -6,37 +6,28 @@ import numpy as np
 import torch
 
 from dashred.inference.hypotheses.forcing_map import ForcingMap
-from dashred.inference.segments.selection.search import SegmentSearch
+from dashred.inference.segments.selection.left_force import LeftForce
 
 
-def force_map(search: SegmentSearch) -> ForcingMap | None:
-    """Return the force in the first episode, one value per segment; None if there is none.
-
-    Args:
-        search: the laws, and the force beside one of them or beside none.
-    """
-    walking = search.force
-    if walking is None:
-        return None
-    problem, point = walking.problem, walking.fit.point
-    segments, fields = problem.segments, problem.simulator.fields
-    forced = list(problem.walks.forced)
-    normal = problem.linearise(point, walking.members)
+def force_map(left: LeftForce) -> ForcingMap | None:
+    """Return the force in the first episode, one value per segment; None without error bars."""
+    walking = left.walking
+    problem, segments = walking.problem, walking.problem.segments
+    fields, forced = problem.simulator.fields, list(problem.walks.forced)
+    normal = problem.linearise(walking.fit.point, walking.members)
     covariance = None
     if normal is not None:
         covariance = normal.covariance(range(fields, fields + len(forced)))
     if covariance is None:
         return None
     variance = walking.misfit * np.einsum("kii->ki", covariance)
-    rate, mine = search.natural.rate, segments.episode == segments.episode[0]
-    amplitudes, stds = np.zeros((2, fields, 1, int(mine.sum())))
-    for place, equation in enumerate(forced):
-        amplitudes[equation, 0] = point.walked[mine, place] / rate[equation]
-        stds[equation, 0] = np.sqrt(np.maximum(variance[mine, place], 0)) / rate[equation]
+    mine = segments.episode == segments.episode[0]
+    amplitudes, stds = (left.force / left.rate)[mine], np.zeros((int(mine.sum()), fields))
+    stds[:, forced] = np.sqrt(np.maximum(variance[mine], 0)) / left.rate[forced]
     return ForcingMap(
         places=torch.zeros((1, 0), dtype=torch.float64),
         times=torch.from_numpy(segments.times[mine].mean(axis=1)),
-        amplitudes=torch.from_numpy(amplitudes),
-        stds=torch.from_numpy(stds),
-        gain=search.force_gain,
+        amplitudes=torch.from_numpy(amplitudes.T[:, None].copy()),
+        stds=torch.from_numpy(stds.T[:, None].copy()),
+        gain=left.gain,
     )

@@ -44,7 +44,6 @@ class SegmentSearch:
         laws: every set, the best first.
         errors: the sensor errors, with their levels.
         price: of the sensor errors, see :class:`Walking`.
-        force: what a law, or none, leaves unexplained; None if the evidence supports no force.
     """
 
     problem: WeakConstraintProblem
@@ -52,14 +51,6 @@ class SegmentSearch:
     laws: list[SegmentLaw]
     errors: Mapping[Cause, Level] = field(default_factory=dict)
     price: float = 0.0
-    force: Walking | None = None
-
-    @property
-    def force_gain(self) -> float:
-        """Evidence for a force that the best law does not express, in units of ``2 ln p``."""
-        if self.force is None:
-            return 0.0
-        return max(0.0, self.walking(self.best).score - self.force.score)
 
     @property
     def level(self) -> float:

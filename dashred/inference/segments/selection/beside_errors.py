@@ -1,30 +1,24 @@
-"""Laws beside errors of sensors, and the force that a law leaves unexplained."""
+"""Laws beside errors of sensors."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import torch
 
-from dashred.inference.fit.law import Law
-from dashred.inference.segments.gauss_newton import fit_nodes
-from dashred.inference.segments.point import Point
 from dashred.inference.segments.selection.causes import (
     Cause,
     possible_errors,
-    possible_forces,
     walks_of,
 )
-from dashred.inference.segments.selection.law_tendency import law_tendency
+from dashred.inference.segments.selection.left_force import forces_of
 from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.inference.segments.selection.set_selection import select
 from dashred.inference.segments.selection.walk_choice import Walking, add_causes, walk_price
-from dashred.inference.segments.walks import NO_WALKS
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 from dashred.inference.sensor_faults.lost_samples import first_stuck_sample
-from dashred.physics.library import equations_with_candidates
 
 # Prior of the coefficients of a given law, in units of their size, and steps of its fit.
 WIDE, STEPS = 10.0, 8
@@ -35,19 +29,6 @@ EXPLAINED = 1.7
 COMPARED, ALIKE = 20, 0.8
 # An error jumps where the readings are so many σ away, and in at most so many of all readings.
 JUMP, MOST_JUMPS = 4.0, 0.1
-
-
-@dataclass(frozen=True)
-class LeftForce:
-    """A force that a law leaves unexplained.
-
-    Attributes:
-        gain: evidence for it, in units of ``2 ln p``.
-        share: its rms as a share of what is missing in all, law and force, from 0 to 1.
-    """
-
-    gain: float
-    share: float
 
 
 def search_beside_errors(found: SegmentSearch) -> SegmentSearch | None:
@@ -62,7 +43,7 @@ def search_beside_errors(found: SegmentSearch) -> SegmentSearch | None:
     errors = possible_errors(found.problem)
     if not errors:
         return None
-    started = _best(found, [*_forces(found), *errors])
+    started = _best(found, [*forces_of(found), *errors])
     kept = {cause: level for cause, level in started.causes.items() if cause.kind == "error"}
     if not kept:
         return None
@@ -136,55 +117,9 @@ def _is_stuck(found: SegmentSearch) -> bool:
     return False
 
 
-def unexplained_force(found: SegmentSearch) -> Walking | None:
-    """Return the force beside the best law or beside none; None if the evidence supports none.
-
-    Args:
-        found: the laws.
-    """
-    walking = _best(found, _forces(found))
-    if any(cause.kind == "force" for cause in walking.causes):
-        return walking
-    return None
-
-
-def _forces(found: SegmentSearch) -> list[Cause]:
-    """Return a force in every equation that may get terms."""
-    system = found.problem.simulator.systems[0]
-    equations = [system.fields.index(field) for field in equations_with_candidates(system)]
-    return possible_forces(found.natural.rate, equations)
-
-
 def _best(found: SegmentSearch, causes: Sequence[Cause]) -> Walking:
     """Return the best law or the empty one, whichever does better, with causes beside it."""
     empty = next(law for law in found.laws if not law.members)
     laws = [found.best] if found.best is empty else [found.best, empty]
     tried = [add_causes(found.walking(law), causes) for law in laws]
     return min(tried, key=lambda each: each.score)
-
-
-def force_beside(found: SegmentSearch, law: Law) -> LeftForce:
-    """Return the force that a law, fitted along one trajectory, leaves unexplained.
-
-    Args:
-        found: a search over segments of the same recording.
-        law: acts everywhere, without faults.
-    """
-    xi = law.coefficients.numpy()
-    problem = replace(
-        found.problem,
-        candidates=law.candidates,
-        prior_std=WIDE * (np.abs(xi) + law.std.numpy()),
-        walks=NO_WALKS,
-    )
-    members, nodes = tuple(range(len(xi))), found.best.fit.point.nodes
-    fit = fit_nodes(problem, replace(Point.at(nodes, len(xi)), xi=xi), members, STEPS)
-    alone = Walking(problem, members, fit)
-    both = add_causes(alone, _forces(found))
-    if both is alone:
-        return LeftForce(0.0, 0.0)
-    point, rate = both.fit.point, found.natural.rate
-    force = both.problem.walks.forces(point.walked, len(rate)) / rate
-    told = law_tendency(problem.simulator, point.nodes, law.candidates, point.xi) / rate
-    share = np.linalg.norm(force) / np.linalg.norm(np.hypot(force, told))
-    return LeftForce(alone.score - both.score, float(share))

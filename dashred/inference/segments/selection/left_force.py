@@ -1,0 +1,91 @@
+"""The force that a law leaves unexplained."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dashred.inference.fit.law import Law
+from dashred.inference.segments.gauss_newton import fit_nodes
+from dashred.inference.segments.point import Point
+from dashred.inference.segments.segments import Array
+from dashred.inference.segments.selection.causes import Cause, possible_forces
+from dashred.inference.segments.selection.law_tendency import law_tendency
+from dashred.inference.segments.selection.search import SegmentSearch
+from dashred.inference.segments.selection.walk_choice import Walking, add_causes
+from dashred.inference.segments.walks import NO_WALKS
+from dashred.physics.library import equations_with_candidates
+
+# Prior of the coefficients of a given law, in units of their size, and steps of its fit.
+WIDE, STEPS = 10.0, 8
+# A force that is a smaller share of what is missing is not told.
+SMALLEST_SHARE = 0.1
+
+
+@dataclass(frozen=True)
+class LeftForce:
+    """A force that the evidence supports beside a law.
+
+    Attributes:
+        walking: the law with the force.
+        gain: evidence for the force, in units of ``2 ln p``.
+        force: in every equation, ``(segment, field)``.
+        rate: rms tendency of every field, ``(field,)``.
+        tendency: of the law alone, ``(segment, field)``.
+    """
+
+    walking: Walking
+    gain: float
+    force: Array
+    rate: Array
+    tendency: Array
+
+    @property
+    def share(self) -> float:
+        """Its rms as a share of what is missing in all, law and force, from 0 to 1."""
+        force, law = self.force / self.rate, self.tendency / self.rate
+        return float(np.linalg.norm(force) / np.linalg.norm(np.hypot(force, law)))
+
+
+def forces_of(found: SegmentSearch) -> list[Cause]:
+    """Return a force in every equation that may get terms."""
+    system = found.problem.simulator.systems[0]
+    equations = [system.fields.index(field) for field in equations_with_candidates(system)]
+    return possible_forces(found.natural.rate, equations)
+
+
+def left_force(found: SegmentSearch, law: Walking) -> LeftForce | None:
+    """Return the force that a law leaves; None if the evidence supports none, or a small one.
+
+    Args:
+        found: the search that gives the scales.
+        law: a law over its segments, with or without sensor errors.
+    """
+    both = add_causes(law, forces_of(found))
+    if both is law:
+        return None
+    problem, point, rate = both.problem, both.fit.point, found.natural.rate
+    force = np.asarray(problem.walks.forces(point.walked, len(rate)))
+    tendency = law_tendency(problem.simulator, point.nodes, *problem.terms(point, both.members))
+    left = LeftForce(both, law.score - both.score, force, rate, tendency)
+    return left if left.share > SMALLEST_SHARE else None
+
+
+def force_beside(found: SegmentSearch, law: Law) -> LeftForce | None:
+    """Return the force that a law, fitted along one trajectory, leaves over segments.
+
+    Args:
+        found: a search over segments of the same recording.
+        law: acts everywhere, without faults.
+    """
+    xi = law.coefficients.numpy()
+    problem = replace(
+        found.problem,
+        candidates=law.candidates,
+        prior_std=WIDE * (np.abs(xi) + law.std.numpy()),
+        walks=NO_WALKS,
+    )
+    members, nodes = tuple(range(len(xi))), found.best.fit.point.nodes
+    fit = fit_nodes(problem, replace(Point.at(nodes, len(xi)), xi=xi), members, STEPS)
+    return left_force(found, Walking(problem, members, fit))
