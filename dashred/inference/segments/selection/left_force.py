@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dashred.core.budget import NEVER
 from dashred.inference.fit.law import Law
 from dashred.inference.segments.gauss_newton import fit_nodes
 from dashred.inference.segments.point import Point
@@ -62,6 +63,8 @@ def left_force(found: SegmentSearch, law: Walking) -> LeftForce | None:
         found: the search that gives the scales.
         law: a law over its segments, with or without sensor errors.
     """
+    # This takes little time, and the deadline of the search may be over.
+    law = replace(law, problem=replace(law.problem, deadline=NEVER))
     both = add_causes(law, forces_of(found))
     if both is law:
         return None
@@ -85,6 +88,7 @@ def force_beside(found: SegmentSearch, law: Law) -> LeftForce | None:
         candidates=law.candidates,
         prior_std=WIDE * (np.abs(xi) + law.std.numpy()),
         walks=NO_WALKS,
+        deadline=NEVER,
     )
     members, nodes = tuple(range(len(xi))), found.best.fit.point.nodes
     fit = fit_nodes(problem, replace(Point.at(nodes, len(xi)), xi=xi), members, STEPS)
