@@ -9,7 +9,7 @@ from torch import Tensor
 from dashred.inference.hypotheses.result import Discovery
 from dashred.pipeline.assimilation import AssimilationResult
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation import NominalRun
+from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.training import TrainedNetwork
 from dashred.pipeline.trajectories import Trajectories
 

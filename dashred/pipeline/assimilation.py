@@ -19,7 +19,7 @@ from dashred.models.assimilation import AssimilatedEncoder, Assimilation
 from dashred.models.shred import SHRED, reconstruct
 from dashred.physics.runs.ensemble import term_scales
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation import NominalRun
+from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.training import make_trainer
 from datamodules import EpisodesDataModule, RecordingDataModule
 

@@ -15,7 +15,7 @@ from dashred.inference.segments.findings.segment_laws import law_from_segments, 
 from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
-from dashred.pipeline import assimilation, simulation, surrogate, training, trajectories
+from dashred.pipeline import assimilation, surrogate, training, trajectories
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.discovery import discovery
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
@@ -33,7 +33,13 @@ from dashred.pipeline.run.output_dir import clear_output, named_output
 from dashred.pipeline.run.parent_run import open_parent
 from dashred.pipeline.run.run_manifest import manifest_of, remove_checkpoints
 from dashred.pipeline.run.run_tags import log_input, log_result
-from dashred.pipeline.simulation import NominalRun
+from dashred.pipeline.simulation.ensembles import (
+    simulate_corrected_ensemble,
+    simulate_ensemble,
+    simulate_nudged_ensemble,
+)
+from dashred.pipeline.simulation.nominal_run import NominalRun, simulate_nominal
+from dashred.pipeline.simulation.resolution_check import check_corrected, check_discretisation
 from dashred.pipeline.verification import verification as verify
 from dashred.pipeline.verification.structure import check_structure
 
@@ -79,28 +85,31 @@ def simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
 
 
 def _simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
-    nominal = simulation.simulate_nominal(problem, seconds)
+    nominal = simulate_nominal(problem, seconds)
     problem = keep_identifiable_terms(problem, nominal.references[0], problem.times)
     check_structure(problem.system, problem.times, nominal.references[0])
-    resolution = simulation.check_discretisation(problem, nominal, seconds)
+    resolution = check_discretisation(problem, nominal, seconds)
     if resolution.enough == 2 and not problem.system.axes:
         # A grid is the user's, and costs more. A shorter step of an ODE system costs little.
         dt = problem.system.dt / 2
         reason = f"time step: {dt:.6g}, half of the stated one, whose error is visible"
         problem = problem.with_step(dt, reason)
-        nominal = simulation.simulate_nominal(problem, seconds)
-        resolution = simulation.check_discretisation(problem, nominal, seconds)
+        nominal = simulate_nominal(problem, seconds)
+        resolution = check_discretisation(problem, nominal, seconds)
     if not resolution.resolved:
         return SimulationRuns(problem, nominal, resolution, None)
     problem, segments = search_in_segments(problem, nominal, seconds)
     try:
-        ensemble = simulation.simulate_ensemble(problem, nominal, seconds)
+        ensemble = simulate_ensemble(problem, nominal, seconds)
     except InputError:
-        if segments is None:
+        if segments is not None:
+            law = law_from_segments(segments, segments.best)
+            states = states_by_sample(segments, segments.best)
+            ensemble = simulate_corrected_ensemble(problem, law, states, seconds)
+        elif nominal.restarted:
+            ensemble = simulate_nudged_ensemble(problem, nominal, seconds)
+        else:
             raise
-        law = law_from_segments(segments, segments.best)
-        states = states_by_sample(segments, segments.best)
-        ensemble = simulation.simulate_corrected_ensemble(problem, law, states, seconds)
     return SimulationRuns(problem, nominal, resolution, ensemble, segments)
 
 
@@ -127,7 +136,7 @@ def discover(
     if not resolution.is_early:
         return analysis
     states = analysis.trajectories.states["corrected"][: len(problem.split.fit.times)]
-    corrected = simulation.check_corrected(problem, analysis.discovery.best, states)
+    corrected = check_corrected(problem, analysis.discovery.best, states)
     return analysis if corrected.resolved else corrected
 
 

@@ -27,7 +27,9 @@ from dashred.physics.solvers.simulate import Progress, simulate
 from dashred.physics.system import System
 from dashred.pipeline.assimilation import sensor_data
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation import NominalRun, join_ensembles, split_members, within
+from dashred.pipeline.simulation.ensembles import join_ensembles, split_members
+from dashred.pipeline.simulation.nominal_run import NominalRun
+from dashred.pipeline.simulation.time_limit import within
 from dashred.pipeline.training import TrainedNetwork, train_shred
 from dashred.pipeline.trajectories import Trajectories
 

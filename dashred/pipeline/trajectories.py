@@ -15,7 +15,7 @@ from dashred.physics.runs.initial_state_prior import field_rms
 from dashred.physics.solvers.simulate import simulate
 from dashred.pipeline.held_out_episode import fit_starts
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation import NominalRun
+from dashred.pipeline.simulation.nominal_run import NominalRun
 
 # Length of the forecast in lengths of the recording.
 FORECAST = 0.5

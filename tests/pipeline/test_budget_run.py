@@ -12,7 +12,8 @@ import pytest
 
 import dashred
 from dashred.physics.solvers.simulate import simulate
-from dashred.pipeline import simulation, time_shares
+from dashred.pipeline import time_shares
+from dashred.pipeline.simulation import nominal_run
 from dashred.reporting.text.summary import summary
 
 # A damped oscillator, x'' = -4 x - 0.2 x', whose simulator lacks the damping.
@@ -97,6 +98,6 @@ def test_simulations_that_take_too_long_are_one_error(
         progress(0.5)
         return simulate(system, start, times, progress=progress)
 
-    monkeypatch.setattr(simulation, "simulate", slow)
+    monkeypatch.setattr(nominal_run, "simulate", slow)
     with pytest.raises(dashred.InputError, match=r"budget of 0\.01 s"):
         run(recording, budget=0.01)

@@ -18,7 +18,8 @@ from dashred.inference.fit.law import SensorFault
 from dashred.pipeline.assimilation import sensor_data
 from dashred.pipeline.discovery.least_squares import build_least_squares, exact_simulator
 from dashred.pipeline.problem import Problem, build_problem
-from dashred.pipeline.simulation import simulate_ensemble, simulate_nominal, split_members
+from dashred.pipeline.simulation.ensembles import simulate_ensemble, split_members
+from dashred.pipeline.simulation.nominal_run import simulate_nominal
 from dashred.reporting.text.sensor_faults import fault_text
 
 SENSORS = tuple(Sensor(f"s{i}", "u", (0.3 + i,)) for i in range(6))

@@ -66,11 +66,12 @@ def analyse(config: Config) -> None:
     from dashred.evaluation.baselines.kalman_filter import filter_augmented, filter_state
     from dashred.evaluation.baselines.optimal_interpolation import optimal_interpolation
     from dashred.evaluation.baselines.plain_shred import plain_shred
-    from dashred.pipeline import simulation
     from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
     from dashred.pipeline.problem import build_problem
     from dashred.pipeline.run import provenance
     from dashred.pipeline.run.output_dir import make_output
+    from dashred.pipeline.simulation.ensembles import simulate_ensemble
+    from dashred.pipeline.simulation.nominal_run import simulate_nominal
 
     assert config.output is not None
     provenance.prepare_torch(config)
@@ -78,11 +79,11 @@ def analyse(config: Config) -> None:
     if problem.others:
         fault = "the baselines read one episode, and the recording has several"
         raise InputError(fault, where=config.recording.path)
-    nominal = simulation.simulate_nominal(problem, {})
+    nominal = simulate_nominal(problem, {})
     problem = keep_identifiable_terms(problem, nominal.states, problem.times)
     unchanged = replace(problem, config=_plain(config))
     plain_seconds: dict[str, float] = {}
-    plain = simulation.simulate_ensemble(unchanged, nominal, plain_seconds)
+    plain = simulate_ensemble(unchanged, nominal, plain_seconds)
     keep = config.tracking
     experiment = keep.experiment or config.name
     with Tracker.open(keep.root, experiment, "baselines", parent=keep.parent) as run:

@@ -15,15 +15,14 @@ from dashred.physics.library import check_collinear, uninformative_terms
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
 from dashred.physics.runs.resolution import (
     Readings,
-    accumulated_error,
     doubling_error,
-    minimum_scale,
 )
 from dashred.physics.solvers.simulate import check_finite, simulate
 from dashred.physics.system import System, Term
 from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.placeholders import zero_equations
 from dashred.pipeline.check.remark import Remark, warning
+from dashred.pipeline.simulation.resolution_check import SensorTraces
 
 # Time budgets of the nominal run and of the run at doubled resolution, in seconds.
 NOMINAL_SECONDS, DOUBLED_SECONDS = 2.0, 3.0
@@ -75,9 +74,9 @@ def run_nominal(context: CheckContext) -> NominalRun:
     count = _affordable_samples(NOMINAL_SECONDS, each, len(times))
     path, seconds = timed_simulation(system, start, times[:count])
     finite = _finite_samples(path[0])
-    blows_up = not system.axes and MIN_SAMPLES <= finite < count
+    blows_up = MIN_SAMPLES <= finite < count
     if blows_up:
-        # A run restarts an ODE system along the readings. The last finite values are huge.
+        # A run goes on along the readings. The last finite values are huge.
         count = max(MIN_SAMPLES, finite // 2)
         path = path[:, :count]
     check_finite(path, times[:count], system)
@@ -108,7 +107,7 @@ def simulator_remarks(context: CheckContext, nominal: NominalRun) -> Iterator[Re
     if nominal.blows_up:
         yield warning(
             "The simulation blows up soon after that",
-            "a run restarts it from the readings, segment by segment",
+            "a run restarts it from the readings, or corrects it towards them",
         )
     readings = _readings(context)
     traces = readings(context.system, nominal.states[None])[0]
@@ -161,14 +160,12 @@ def _resolution_remark(context: CheckContext, nominal: NominalRun, traces: Tenso
     cost_factor = DOUBLED_COST * 2.0 ** (1 + len(system.axes))
     count = nominal.affordable_samples(DOUBLED_SECONDS, cost_factor)
     times, start = nominal.times[:count], nominal.states[:1]
-    readings = _readings(context)
-    reads = [sensor.reads for sensor in context.sensors]
-    least = minimum_scale(traces, context.sigma(nominal.states), reads, limit)
-    error, _ = doubling_error(system, start, times, readings, traces[None, :count], least)
+    sensors = SensorTraces(context.sensors, context.sigma(nominal.states), limit)
+    least, coarse = sensors.least(traces), traces[None, :count]
+    error, _ = doubling_error(system, start, times, sensors.read, coarse, least)
     if error > limit:
         # As in a run: a chaotic record amplifies any error, so those of short segments are added.
-        path = nominal.states[:count]
-        error = min(error, accumulated_error(system, path, times, readings, least))
+        error = min(error, sensors.over_segments(system, nominal.states[:count], times).error)
     span = f", over the first {count} samples" if count < len(context.times) else ""
     change = f"doubling the resolution changes a reading by {error:.2g} of its std{span}"
     if error <= limit:

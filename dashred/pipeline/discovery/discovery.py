@@ -52,7 +52,7 @@ from dashred.pipeline.discovery.prior_start import select_near_prior
 from dashred.pipeline.discovery.segment_horizon import follow_segments
 from dashred.pipeline.discovery.segment_stage import discover_in_segments, with_few_terms
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation import NominalRun
+from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.training import TrainedNetwork
 
 # Relative decrease of F at which a fit ends. The fit without a law needs less accuracy, because its

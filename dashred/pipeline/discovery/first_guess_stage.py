@@ -33,7 +33,7 @@ from dashred.pipeline.discovery.least_squares import (
     trace_std,
 )
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation import NominalRun
+from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.training import TrainedNetwork
 
 # The prior is used first unless its error is this many times the smallest error. The missing

@@ -30,7 +30,7 @@ from dashred.pipeline.discovery.first_guess_stage import FittedGuess
 from dashred.pipeline.discovery.least_squares import fit_noise, simulator_with
 from dashred.pipeline.discovery.prior_start import fit_near_prior
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation import NominalRun
+from dashred.pipeline.simulation.nominal_run import NominalRun
 
 STEPS, TOLERANCE = 10, 1e-4
 # If the misfit is more than this many times the noise, the fit without a law needs little accuracy.

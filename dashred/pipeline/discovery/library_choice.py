@@ -29,7 +29,7 @@ from dashred.physics.system import System
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
 from dashred.pipeline.discovery.segment_search import search_library
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation import NominalRun
+from dashred.pipeline.simulation.nominal_run import NominalRun
 
 # Sensor errors are searched beside laws of more terms, or if the record is not explained.
 SIMPLE_TERMS = 2

@@ -14,8 +14,12 @@ from dashred.inference.segments.selection.search import SegmentSearch, search
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 from dashred.physics.tangents.ode_tangents import has_ode_tangents
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.segments import SegmentedRecord, resolve_steps, segment_record
-from dashred.pipeline.simulation import NominalRun
+from dashred.pipeline.simulation.nominal_run import NominalRun
+from dashred.pipeline.simulation.segmented_record import (
+    SegmentedRecord,
+    resolve_steps,
+    segment_record,
+)
 
 STAGE = "search over segments"
 # The prior standard deviation of the first state is widened by this factor.

@@ -29,8 +29,8 @@ from dashred.pipeline.discovery.library_choice import (
 )
 from dashred.pipeline.discovery.segment_search import STAGE
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.segments import can_restart
-from dashred.pipeline.simulation import NominalRun
+from dashred.pipeline.simulation.nominal_run import NominalRun
+from dashred.pipeline.simulation.segmented_record import can_restart
 
 # Laws that are reported, and how far from the best.
 MAX_LAWS, SCORE_MARGIN = 8, 12.0

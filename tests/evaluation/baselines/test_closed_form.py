@@ -15,8 +15,8 @@ from dashred.evaluation.baselines.closed_form import Traces, closed_form, eigenv
 from dashred.evaluation.twins import record_command
 from dashred.physics.runs.initial_state_prior import StartPrior, gaussian_process_modes
 from dashred.physics.system import System
-from dashred.pipeline import simulation
 from dashred.pipeline.problem import Problem, build_problem
+from dashred.pipeline.simulation.nominal_run import simulate_nominal
 
 RATES = -torch.tensor([0.0, 0.05, 0.2, 0.45], dtype=torch.float64)
 PLACES = torch.tensor([0.7, 2.9, 4.2, 6.1, 8.8], dtype=torch.float64)
@@ -39,7 +39,7 @@ def traces(noise: float, seed: int = 0) -> Traces:
 def problem_and_prior(name: str, recording: Path) -> tuple[Problem, StartPrior]:
     config = load_config([f"conf={name}", f"recording.path={recording}"], entry="test")
     found = build_problem(config)
-    return found, simulation.simulate_nominal(found, {}).prior
+    return found, simulate_nominal(found, {}).prior
 
 
 def test_rates_and_amplitudes_are_exact_without_noise() -> None:

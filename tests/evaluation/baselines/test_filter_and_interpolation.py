@@ -16,9 +16,9 @@ from dashred.inference.initial_state.linear_estimate import linear_estimate
 from dashred.physics.grids.grid import Axis, Grid
 from dashred.physics.runs.ensemble import Ensemble, term_scales
 from dashred.physics.solvers.simulate import simulate
-from dashred.pipeline import simulation
 from dashred.pipeline.problem import Problem, build_problem
-from dashred.pipeline.simulation import NominalRun
+from dashred.pipeline.simulation.ensembles import simulate_ensemble
+from dashred.pipeline.simulation.nominal_run import NominalRun, simulate_nominal
 
 SWING = """
 system:
@@ -53,8 +53,8 @@ def swing(
         reads = [f"conf={path}", f"recording.path={out / 'recording.nc'}"]
         config = load_config([*reads, "simulation.discrepancy=false"], entry="test")
         problem = build_problem(config)
-        nominal = simulation.simulate_nominal(problem, {})
-        found[twin] = problem, nominal, simulation.simulate_ensemble(problem, nominal, {})
+        nominal = simulate_nominal(problem, {})
+        found[twin] = problem, nominal, simulate_ensemble(problem, nominal, {})
     return found
 
 

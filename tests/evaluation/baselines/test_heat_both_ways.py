@@ -13,8 +13,8 @@ from dashred import train
 from dashred.config import load_config
 from dashred.evaluation.baselines.closed_form import closed_form
 from dashred.evaluation.twins import record_command
-from dashred.pipeline import simulation
 from dashred.pipeline.problem import build_problem
+from dashred.pipeline.simulation.nominal_run import simulate_nominal
 
 # Networks have no part in what is compared.
 SMALL = (
@@ -36,7 +36,7 @@ def test_both_find_the_same_law_and_the_same_field(
     assert record_command.main(told) == 0
     reads = ["conf=heat", f"recording.path={tmp_path / 'recording.nc'}"]
     problem = build_problem(load_config(reads, entry="train"))
-    exact = closed_form(problem, simulation.simulate_nominal(problem, {}).prior)
+    exact = closed_form(problem, simulate_nominal(problem, {}).prior)
     assert exact is not None and exact.terms is not None
     out = tmp_path / "general"
     root = f"tracking.root={tmp_path / 'mlruns'}"

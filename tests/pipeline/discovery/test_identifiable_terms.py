@@ -11,7 +11,7 @@ from dashred.config import load_config
 from dashred.core.errors import InputError
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
 from dashred.pipeline.problem import Problem, build_problem
-from dashred.pipeline.simulation import simulate_nominal
+from dashred.pipeline.simulation.nominal_run import simulate_nominal
 from dashred.pipeline.verification.verification import build_input
 
 TEXT = """

@@ -16,7 +16,7 @@ from dashred.pipeline.discovery.least_squares import build_least_squares, exact_
 from dashred.pipeline.discovery.library_choice import search_libraries
 from dashred.pipeline.discovery.segment_horizon import follow_segments
 from dashred.pipeline.problem import Problem, build_problem
-from dashred.pipeline.simulation import NominalRun, simulate_nominal
+from dashred.pipeline.simulation.nominal_run import NominalRun, simulate_nominal
 
 Search = Callable[..., tuple[Problem, NominalRun, SegmentSearch]]
 TIMES = np.linspace(0, 16, 401)

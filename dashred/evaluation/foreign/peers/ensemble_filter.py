@@ -18,15 +18,15 @@ def filter_with_coefficients(folder: Path) -> list[TermEntry]:
     """
     from dashred.evaluation.baselines.kalman_filter import filter_augmented
     from dashred.physics.runs.ensemble import Ensemble
-    from dashred.pipeline import simulation
     from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
     from dashred.pipeline.problem import build_problem
     from dashred.pipeline.run import provenance
+    from dashred.pipeline.simulation.nominal_run import simulate_nominal
 
     config = load_config([f"conf={folder / CONFIG}", "threads=1"], entry="train")
     provenance.prepare_torch(config)
     problem = build_problem(config)
-    nominal = simulation.simulate_nominal(problem, {})
+    nominal = simulate_nominal(problem, {})
     problem = keep_identifiable_terms(problem, nominal.states, problem.times)
     # The filter needs the starts of its members only: their runs may blow up without the readings.
     starts = nominal.prior.draw(config.simulation.members, problem.rng("filter members"))

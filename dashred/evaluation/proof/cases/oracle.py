@@ -35,7 +35,7 @@ from dashred.physics.window import window_shapes
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
 from dashred.pipeline.discovery.least_squares import build_least_squares, exact_simulator
 from dashred.pipeline.problem import Problem, build_problem
-from dashred.pipeline.simulation import simulate_nominal
+from dashred.pipeline.simulation.nominal_run import simulate_nominal
 
 # Difference in score by which the true form must be better than others in a decidable case.
 DECIDABLE = 6.0

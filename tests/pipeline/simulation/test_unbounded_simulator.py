@@ -10,9 +10,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from dashred.config import load_config
-from dashred.core.errors import InputError
 from dashred.pipeline.problem import build_problem
-from dashred.pipeline.simulation import check_discretisation, simulate_nominal
+from dashred.pipeline.simulation.nominal_run import simulate_nominal
+from dashred.pipeline.simulation.resolution_check import check_discretisation
 
 TEXT = """
 system:
@@ -76,19 +76,6 @@ def test_the_term_that_keeps_it_bounded_is_found(circuit: Path, train) -> None:
     errors = findings["fit"]["heldout_time"]
     assert errors["simulation_refit"] is None and errors["corrected"] < 0.2
     assert "the run without the law diverges" in ended.out
-
-
-def test_a_field_that_blows_up_in_space_is_an_error(tmp_path: Path) -> None:
-    text = TEXT.replace("fields:", "axes: {s: {length: 1, points: 16}}\n  fields:")
-    (tmp_path / "sensors.csv").write_text("name,field,s\nx,x,0\ny,y,0.3\nz,z,0.6\n")
-    rows = np.column_stack([TIMES, np.zeros((301, 3)) + TIMES[:, None]])
-    np.savetxt(tmp_path / "r.csv", rows, delimiter=",", header="time,x,y,z", comments="")
-    text = text.replace("method: rk4, ", "")
-    text = text.replace("path: recording.csv", f"path: {tmp_path}/r.csv, sensors: sensors.csv")
-    (tmp_path / "s.yaml").write_text(text)
-    problem = build_problem(load_config([f"conf={tmp_path / 's.yaml'}"], entry="test"))
-    with pytest.raises(InputError, match="blows up"):
-        simulate_nominal(problem, {})
 
 
 def test_a_field_without_a_sensor_has_no_range_to_leave(tmp_path: Path) -> None:

@@ -1,0 +1,1 @@
+"""Runs of the simulator: nominal, at doubled resolution, and as an ensemble."""

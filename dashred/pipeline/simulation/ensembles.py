@@ -1,0 +1,142 @@
+"""The ensembles of simulations on which SHRED is trained."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import torch
+from torch import Tensor
+
+from dashred.core.progress import stage
+from dashred.inference.fit.law import Law
+from dashred.inference.results.corrected_system import build_corrected_system
+from dashred.physics.runs.ensemble import Discrepancies, Ensemble, draw_ensemble
+from dashred.physics.solvers.simulate import simulate
+from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation.nominal_run import NominalRun
+from dashred.pipeline.simulation.nudging import nudged_ensemble
+from dashred.pipeline.simulation.time_limit import within
+
+
+@torch.no_grad()
+def simulate_ensemble(problem: Problem, nominal: NominalRun, seconds: dict[str, float]) -> Ensemble:
+    """Draw the simulations on which SHRED is trained, over the fit window."""
+    settings = problem.config.simulation
+    count = len(problem.split.fit.times)
+    discrepancies = None
+    if settings.discrepancy:
+        discrepancies = Discrepancies(problem.library, settings.terms, settings.amplitude)
+    # The nominal run limits the range of the fields. Each episode has its own if there are inputs.
+    # Without inputs the run of the longest episode covers the range best.
+    paths = nominal.references
+    if not problem.system.inputs:
+        paths = (paths[0],) * len(problem.episodes)
+    with stage("simulate the ensemble", seconds) as report:
+        drawn = [
+            draw_ensemble(
+                episode.ensemble_system,
+                times,
+                nominal.prior,
+                path[:count],
+                members,
+                discrepancies,
+                problem.rng(f"ensemble{suffix}"),
+                within(problem.deadline("simulate the ensemble"), report),
+            )
+            for (episode, times, members, suffix), path in zip(
+                split_members(problem, settings.members), paths, strict=False
+            )
+        ]
+        ensemble = join_ensembles(drawn)
+        kind = "with random discrepancies" if settings.discrepancy else "plain"
+        report(1.0, f"{settings.members} members, {kind}")
+    return ensemble
+
+
+@torch.no_grad()
+def simulate_corrected_ensemble(
+    problem: Problem, law: Law, states: Sequence[Tensor], seconds: dict[str, float]
+) -> Ensemble:
+    """Draw the simulations on which SHRED is trained from a corrected simulator.
+
+    For a simulator that does not stay within bounds over the record: the corrected one starts from
+    states that were fitted along the readings. Members that blow up are replaced by those states.
+
+    Args:
+        problem: the recording.
+        law: the correction.
+        states: fitted states of each episode, ``(time, field)``.
+        seconds: run time by stage, updated.
+    """
+    rng = problem.rng("ensemble")
+    pool = torch.cat(list(states))
+    low, high = pool.amin(dim=0), pool.amax(dim=0)
+    width = high - low
+    drawn = []
+    with stage("simulate the ensemble", seconds) as report:
+        shares = split_members(problem, problem.config.simulation.members)
+        for index, (episode, times, members, _) in enumerate(shares):
+            system = build_corrected_system(episode.ensemble_system, law)
+            starts = pool[torch.from_numpy(rng.integers(len(pool), size=members))]
+            runs = simulate(system, starts, times)
+            lost = ~(torch.isfinite(runs) & (runs > low - width) & (runs < high + width)).all(
+                2
+            ).all(1)
+            own = states[index]
+            runs[lost] = own[torch.arange(len(times)) % len(own)]
+            drawn.append(Ensemble(times, runs, torch.zeros((members, len(problem.library)))))
+        report(1.0, "members of the corrected simulator")
+    return join_ensembles(drawn)
+
+
+@torch.no_grad()
+def simulate_nudged_ensemble(
+    problem: Problem, nominal: NominalRun, seconds: dict[str, float]
+) -> Ensemble:
+    """Draw the simulations on which SHRED is trained where none stays within bounds.
+
+    They are corrected towards the readings at every sample.
+    """
+    rng = problem.rng("ensemble")
+    with stage("simulate the ensemble", seconds) as report:
+        drawn = [
+            nudged_ensemble(episode, nominal.prior, members, times, rng)
+            for episode, times, members, _ in split_members(
+                problem, problem.config.simulation.members
+            )
+        ]
+        report(1.0, "members corrected towards the readings")
+    return join_ensembles(drawn)
+
+
+def split_members(problem: Problem, members: int) -> Iterator[tuple[Problem, Tensor, int, str]]:
+    """Split the members of an ensemble over the fitted episodes.
+
+    If there are more episodes than members, the last episodes have no member.
+
+    Yields:
+        The episode; its times, over the length of the fit window of the longest episode; its
+        number of members; and the suffix of the name of its random number generator.
+    """
+    episodes = problem.episodes
+    elapsed = problem.times[: len(problem.split.fit.times)] - problem.times[0]
+    for index, episode in enumerate(episodes):
+        count = len(range(index, members, len(episodes)))
+        if not count:
+            return
+        if episode is problem:
+            yield episode, problem.times[: len(elapsed)], count, ""
+        else:
+            yield episode, episode.times[0] + elapsed, count, f" {episode.name}"
+
+
+def join_ensembles(drawn: Sequence[Ensemble]) -> Ensemble:
+    """Return the members of all episodes as one ensemble, with the times of the first."""
+    if len(drawn) == 1:
+        return drawn[0]
+    # The episodes alternate, so that the held-out members come from every episode.
+    positions = [i for ensemble in drawn for i in range(len(ensemble.states))]
+    order = sorted(range(len(positions)), key=positions.__getitem__)
+    states = torch.cat([ensemble.states for ensemble in drawn])[order]
+    coefficients = torch.cat([ensemble.coefficients for ensemble in drawn])[order]
+    return Ensemble(drawn[0].times, states, coefficients)

@@ -1,0 +1,88 @@
+"""The uncorrected simulation from its nominal start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from dashred.core.progress import stage
+from dashred.inference.forward.episodes import EpisodeStarts
+from dashred.inference.initial_state.start_models import StartModel
+from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
+from dashred.physics.solvers.simulate import check_finite, simulate
+from dashred.physics.system import System
+from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation.nudging import nudged_where_lost
+from dashred.pipeline.simulation.segmented_record import can_restart, restarted_where_lost
+from dashred.pipeline.simulation.time_limit import within
+
+
+@dataclass(frozen=True)
+class NominalRun:
+    """The uncorrected simulation at the times of the recording.
+
+    Attributes:
+        prior: prior of the start.
+        states: simulation from the nominal start, ``(time, field, *grid)``.
+        others: the same for the other fitted episodes, with their times and inputs.
+        whole: the same for the episodes that are held out as a whole.
+        restarted: the simulator restarted along the readings or corrected towards them, for each
+            fitted episode; empty unless its simulation leaves the range of the recording or blows
+            up.
+    """
+
+    prior: StartPrior
+    states: Tensor
+    others: tuple[Tensor, ...] = field(default=())
+    whole: tuple[Tensor, ...] = field(default=())
+    restarted: tuple[Tensor, ...] = field(default=())
+
+    @property
+    def references(self) -> tuple[Tensor, ...]:
+        """States that give scales and ranges, ``(time, field, *grid)`` for each fitted episode."""
+        return self.restarted or (self.states, *self.others)
+
+    @cached_property
+    def start(self) -> StartModel:
+        """Prior of the starts of all fitted episodes."""
+        return EpisodeStarts((self.prior,) * (1 + len(self.others)))
+
+
+@torch.no_grad()
+def simulate_nominal(problem: Problem, seconds: dict[str, float]) -> NominalRun:
+    """Run the simulator from its nominal start, after the spin-up.
+
+    A simulator may lack what keeps it bounded. Then it is restarted along the readings, or its
+    fields are corrected towards them at every sample, for what scales need.
+
+    Raises:
+        InputError: the simulation blows up, and there are snapshots instead of equations.
+    """
+    system, times = problem.system, problem.times
+    restarted: tuple[Tensor, ...] = ()
+    with stage("spin up and simulate", seconds) as report:
+        timed = within(problem.deadline("simulate"), report)
+        start = nominal_start(system, lambda done: timed(0.8 * done))
+        path = simulate(system, start, times, progress=lambda done: timed(0.8 + 0.2 * done))
+        others, whole = (
+            tuple(simulate(e.system, start, e.times)[0] for e in episodes)
+            for episodes in (problem.others, problem.whole)
+        )
+        if can_restart(problem):
+            restarted = restarted_where_lost(problem, start[0], path[0])
+        elif problem.snapshots is None:
+            prior = _prior(system, start[0], start)
+            restarted = nudged_where_lost(problem, prior, (path[0], *others))
+        else:
+            check_finite(path, times, system)
+    prior = _prior(system, start[0], restarted[0] if restarted else path[0])
+    return NominalRun(prior, path[0], others, whole, restarted)
+
+
+def _prior(system: System, centre: Tensor, states: Tensor) -> StartPrior:
+    """Return the prior of the start; a spread in percent refers to states, ``(time, …)``."""
+    modes = system.config.spread.get("modes")
+    return StartPrior(system, centre, field_rms(states), None if modes is None else int(modes))

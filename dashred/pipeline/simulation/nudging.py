@@ -1,0 +1,146 @@
+"""Runs of a simulator of fields that are corrected towards the readings at every sample.
+
+A simulator may lack what keeps it bounded. Its own run then leaves the range of the recording, or
+blows up, and gives no scale of anything. A corrected run stays near the recording. With forecast
+x_f and readings y, optimal interpolation gives::
+
+    x = x_f + M z        z = (HM)ᵀ (HM (HM)ᵀ + R)⁻¹ (y - H x_f)
+
+M holds the modes of the start's prior, scaled so that the readings have their recorded spread
+(Daley, *Atmospheric Data Analysis*, 1991, ch. 4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dashred.physics.runs.ensemble import Ensemble
+from dashred.physics.runs.initial_state_prior import StartPrior
+from dashred.physics.solvers.simulate import simulate
+from dashred.pipeline.problem import Problem
+
+# A run has left the range of the recording if a reading is farther from its mean than this many
+# standard deviations of its trace.
+LOST = 10.0
+# Standard deviation of the factor by which the readings of each member of an ensemble are larger.
+READING_SPREAD = 0.3
+
+
+def is_lost(problem: Problem, path: Tensor) -> bool:
+    """Return whether a run leaves the range of the fitted readings or blows up.
+
+    Args:
+        problem: one episode.
+        path: its simulation, ``(time, field, *grid)``.
+    """
+    fit = problem.split.fit
+    readings = torch.from_numpy(fit.values)
+    simulated = problem.operator(fit)(path[: len(readings)])
+    std = torch.from_numpy(fit.trace_std()).clamp(min=1e-12)
+    away = (simulated - readings.nanmean(dim=0)).abs() / std
+    # Written with "not", because the values may be NaN.
+    return not bool((away < LOST).all())
+
+
+def nudged_run(problem: Problem, prior: StartPrior) -> Tensor:
+    """Return the corrected run of one episode over its fitted part, ``(time, field, *grid)``.
+
+    Args:
+        problem: the episode.
+        prior: distribution of its start.
+    """
+    return _nudged(problem, prior, prior.centre[None], torch.ones(1, dtype=torch.float64))[0]
+
+
+def nudged_ensemble(
+    problem: Problem, prior: StartPrior, members: int, times: Tensor, rng: np.random.Generator
+) -> Ensemble:
+    """Return corrected runs from random starts, towards readings of different size.
+
+    Args:
+        problem: one episode.
+        prior: distribution of its start.
+        members: number of runs.
+        times: of the fitted part, ``(time,)``.
+        rng: random number generator.
+    """
+    factors = 1 + READING_SPREAD * torch.from_numpy(rng.standard_normal(members))
+    runs = _nudged(problem, prior, prior.draw(members, rng), factors)
+    # An episode that is shorter than the longest is repeated.
+    states = runs[:, torch.arange(len(times)) % runs.shape[1]]
+    return Ensemble(times, states, torch.zeros((members, len(problem.library))))
+
+
+def _nudged(problem: Problem, prior: StartPrior, start: Tensor, factors: Tensor) -> Tensor:
+    """Return corrected runs, ``(member, time, field, *grid)``.
+
+    Args:
+        problem: the episode.
+        prior: distribution of its start.
+        start: of every run, ``(member, field, *grid)``.
+        factors: by which the readings of each are multiplied about their mean, ``(member,)``.
+    """
+    fit, times = problem.split.fit, problem.times
+    operator, readings = problem.operator(fit), torch.from_numpy(fit.values)
+    mean = readings.nanmean(dim=0)
+    modes, seen = _modes(problem, prior)
+    noise = problem.fit_noise_std()
+    states, saved = start, []
+    for k, own in enumerate(readings):
+        if k:
+            ahead = simulate(problem.system, states, times[k - 1 : k + 1])[:, -1]
+            bounded = torch.isfinite(ahead).flatten(1).all(dim=1)
+            shape = (-1,) + (1,) * (states.dim() - 1)
+            states = torch.where(bounded.reshape(shape), ahead, states)
+        known = ~own.isnan()
+        target = mean + factors[:, None] * (own - mean)
+        apart = (target - operator(states, float(times[k])))[:, known]
+        gain = _gain(seen[known], noise[known])
+        states = states + torch.einsum("bs,ms,m...->b...", apart, gain, modes)
+        saved.append(states)
+    return torch.stack(saved, dim=1)
+
+
+def _modes(problem: Problem, prior: StartPrior) -> tuple[Tensor, Tensor]:
+    """Return M, ``(mode, field, *grid)``, and HM, ``(sensor, mode)``, scaled to the traces."""
+    fit = problem.split.fit
+    operator = problem.operator(fit)
+    moves = prior.start(torch.eye(prior.size, dtype=torch.float64)) - prior.centre
+    seen = (operator(prior.centre + moves) - operator(prior.centre)).T
+    spread = seen.square().sum(dim=1).mean().sqrt().clamp(min=1e-300)
+    scale = float(torch.from_numpy(fit.trace_std()).square().mean().sqrt() / spread)
+    return scale * moves, scale * seen
+
+
+def _gain(seen: Tensor, noise: Tensor) -> Tensor:
+    """Return ``(HM)ᵀ (HM (HM)ᵀ + R)⁻¹``, ``(mode, sensor)``."""
+    covariance = seen @ seen.T + torch.diag(noise.square())
+    return torch.linalg.solve(covariance, seen).T
+
+
+def nudged_where_lost(
+    problem: Problem, prior: StartPrior, paths: Sequence[Tensor]
+) -> tuple[Tensor, ...]:
+    """Return the corrected runs of all fitted episodes if a run leaves the range of its recording.
+
+    Args:
+        problem: the recording.
+        prior: distribution of the start.
+        paths: simulation of each episode, ``(time, field, *grid)``.
+
+    Returns:
+        States at the times of each episode. Beyond the fitted part, whose readings alone are used,
+        they are repeated. Empty if no run is lost.
+    """
+    pairs = list(zip(problem.episodes, paths, strict=True))
+    if not any(is_lost(episode, path) for episode, path in pairs):
+        return ()
+    found = []
+    for episode, _ in pairs:
+        states = nudged_run(episode, prior)
+        found.append(states[torch.arange(len(episode.times)) % len(states)])
+    return tuple(found)
