@@ -110,6 +110,7 @@ def accumulated_error(
     readings: Readings,
     least: Tensor,
     share: float = 1.0,
+    samples: int = SEGMENT,
 ) -> float:
     """Return the sum of the doubling errors of short segments that cover the record.
 
@@ -124,20 +125,21 @@ def accumulated_error(
         readings: (system, trajectory) → traces ``(batch, time, sensor)``.
         least: smallest scale for the change of a trace, ``(sensor,)``.
         share: first part of the record whose segments are simulated, as a share of it.
+        samples: of a segment.
 
     Returns:
         The largest sum over the sensors and the whole record, in units of :class:`Resolution`.
     """
-    segments = max(1, (len(times) - 1) // SEGMENT)
-    stride = SEGMENT * -(-math.ceil(share * segments) // MOST_SEGMENTS)
-    begins = range(0, max(1, round(share * (len(times) - SEGMENT))), stride)
+    segments = max(1, (len(times) - 1) // samples)
+    stride = samples * -(-math.ceil(share * segments) // MOST_SEGMENTS)
+    begins = range(0, max(1, round(share * (len(times) - samples))), stride)
     changes = []
     for first in begins:
-        clock, start = times[first : first + SEGMENT + 1], path[first : first + 1]
+        clock, start = times[first : first + samples + 1], path[first : first + 1]
         fine = readings(*simulate_refined(system, start, clock))
         coarse = readings(system, simulate(system, start, clock))
         changes.append((fine - coarse)[0, -1].square())
-    traces = readings(system, path[None])[0, : begins[-1] + SEGMENT + 1]
+    traces = readings(system, path[None])[0, : begins[-1] + samples + 1]
     scale = torch.maximum(traces.std(dim=0), least).clamp(min=1e-12)
     each = torch.stack(changes).mean(dim=0).sqrt() / scale
     return float((segments * each).max().nan_to_num(nan=torch.inf))

@@ -28,6 +28,8 @@ from dashred.pipeline.problem import Problem
 LOST = 10.0
 # Standard deviation of the factor by which the readings of each member of an ensemble are larger.
 READING_SPREAD = 0.3
+# A field stays within the range of its readings, widened by this share of it on both sides.
+MARGIN = 0.5
 
 
 def is_lost(problem: Problem, path: Tensor) -> bool:
@@ -88,7 +90,7 @@ def _nudged(problem: Problem, prior: StartPrior, start: Tensor, factors: Tensor)
     operator, readings = problem.operator(fit), torch.from_numpy(fit.values)
     mean = readings.nanmean(dim=0)
     modes, seen = _modes(problem, prior)
-    noise = problem.fit_noise_std()
+    noise, (low, high) = problem.fit_noise_std(), _bounds(problem)
     states, saved = start, []
     for k, own in enumerate(readings):
         if k:
@@ -101,6 +103,8 @@ def _nudged(problem: Problem, prior: StartPrior, start: Tensor, factors: Tensor)
         apart = (target - operator(states, float(times[k])))[:, known]
         gain = _gain(seen[known], noise[known])
         states = states + torch.einsum("bs,ms,m...->b...", apart, gain, modes)
+        # Between the sensors a field may leave the range of the readings.
+        states = states.clamp(low, high)
         saved.append(states)
     return torch.stack(saved, dim=1)
 
@@ -114,6 +118,19 @@ def _modes(problem: Problem, prior: StartPrior) -> tuple[Tensor, Tensor]:
     spread = seen.square().sum(dim=1).mean().sqrt().clamp(min=1e-300)
     scale = float(torch.from_numpy(fit.trace_std()).square().mean().sqrt() / spread)
     return scale * moves, scale * seen
+
+
+def _bounds(problem: Problem) -> tuple[Tensor, Tensor]:
+    """Return the range of the readings of each field, widened on both sides, ``(field, 1, …)``."""
+    fit, system = problem.split.fit, problem.system
+    low, high = (torch.full((len(system.fields),), bound) for bound in (-torch.inf, torch.inf))
+    for index, field in enumerate(system.fields):
+        values = fit.values[:, [sensor.reads == field for sensor in fit.sensors]]
+        if values.size:
+            margin = MARGIN * float(np.nanmax(values) - np.nanmin(values))
+            low[index], high[index] = np.nanmin(values) - margin, np.nanmax(values) + margin
+    shape = (-1,) + (1,) * len(system.axes)
+    return low.double().reshape(shape), high.double().reshape(shape)
 
 
 def _gain(seen: Tensor, noise: Tensor) -> Tensor:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -14,6 +14,7 @@ from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.physics.runs.resolution import (
+    SEGMENT,
     Resolution,
     accumulated_error,
     check_resolution,
@@ -28,6 +29,8 @@ from dashred.pipeline.simulation.time_limit import within
 
 # First part of a record in which a simulation without its dissipation may still be resolved.
 EARLY_SHARE = 0.25
+# Factor by which the limit is larger for a run that is corrected towards the readings.
+ROUGH = 10.0
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,12 @@ class SensorTraces:
         )
 
     def over_segments(
-        self, system: System, path: Tensor, times: Tensor, share: float = 1.0
+        self,
+        system: System,
+        path: Tensor,
+        times: Tensor,
+        share: float = 1.0,
+        samples: int = SEGMENT,
     ) -> Resolution:
         """Return the changes of short segments, added up over the record.
 
@@ -73,9 +81,10 @@ class SensorTraces:
             path: states from which the segments start, ``(time, field, *grid)``.
             times: ``(time,)``.
             share: first part of the record whose segments are simulated.
+            samples: of a segment.
         """
         least = self.least(self.read(system, path[None])[0])
-        summed = accumulated_error(system, path, times, self.read, least, share)
+        summed = accumulated_error(system, path, times, self.read, least, share, samples)
         enough = 1 if summed <= self.limit else None
         return Resolution(summed, self.limit, enough, is_early=share < 1)
 
@@ -89,8 +98,8 @@ def check_discretisation(
     If the record is chaotic, the errors of short segments are added up instead
     (:func:`.resolution.accumulated_error`). If only those of the first part are small, and no finer
     grid is sufficient, the search may find the dissipation that the simulation lacks. The
-    resolution of the corrected simulation is checked then (:func:`check_corrected`). Segments are
-    also used for a run that is corrected towards the readings.
+    resolution of the corrected simulation is checked then (:func:`check_corrected`). The same holds
+    for a run that is corrected towards the readings.
 
     If the system has inputs, every episode is checked and the worst result is returned. Without
     inputs all episodes have the same simulation, so one is checked.
@@ -108,8 +117,11 @@ def check_discretisation(
     def checked(episode: Problem, path: Tensor) -> Resolution:
         system, times = episode.system, episode.times
         if nominal.restarted:
+            # It is corrected at every sample, and may blow up soon. Its own jumps there are large.
             count = len(episode.split.fit.times)
-            return traces.over_segments(system, path[:count], times[:count])
+            rough = replace(traces, limit=ROUGH * limit)
+            found = rough.over_segments(system, path[:count], times[:count], samples=1)
+            return replace(found, is_early=True)
         progress = within(problem.deadline("simulate"), report)
         found = traces.over_record(system, path, times, progress)
         # If a finer grid is sufficient, it is better to use it.
