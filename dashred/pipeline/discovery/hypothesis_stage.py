@@ -73,7 +73,7 @@ def compare_explanations(
     """
     best, times = ranked[0], problem.times
     reached = samples == len(objective.recorded)
-    if is_noise_inflated(problem, objective.noise):
+    if is_noise_inflated(problem, objective.noise, is_whole=reached):
         # A sensor fault can cause this. Laws that were fitted with such noise are not meaningful.
         reached, objective = False, replace(objective, noise=fit_noise(problem))
     known = list(objective.forward_model.law.candidates)
@@ -140,11 +140,18 @@ def _with_global_laws(
     return replace(comparison, laws=ranked, noise=objective.noise)
 
 
-def is_noise_inflated(problem: Problem, noise: NoiseModel) -> bool:
-    """Return whether the estimated noise is far above the noise that the recording states."""
+def is_noise_inflated(problem: Problem, noise: NoiseModel, *, is_whole: bool = True) -> bool:
+    """Return whether the estimated noise is far above the noise that the recording states.
+
+    Args:
+        problem: the recording.
+        noise: estimated from the residuals of a law.
+        is_whole: whether the law follows the whole record. Otherwise its residuals are no noise,
+            and the noise that is visible in the traces is used where none is stated.
+    """
     is_stated = all(sensor.std is not None for sensor in problem.split.fit.sensors)
     ratio = float((noise.std / fit_noise(problem).std).median())
-    return is_stated and ratio > MAX_NOISE_RATIO
+    return (is_stated or not is_whole) and ratio > MAX_NOISE_RATIO
 
 
 def forcing_gain_on(fit: HypothesisFit, problem: Problem, nominal: NominalRun) -> float:

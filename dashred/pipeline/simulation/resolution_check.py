@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -29,8 +29,6 @@ from dashred.pipeline.simulation.time_limit import within
 
 # First part of a record in which a simulation without its dissipation may still be resolved.
 EARLY_SHARE = 0.25
-# Factor by which the limit is larger for a run that is corrected towards the readings.
-ROUGH = 10.0
 
 
 @dataclass(frozen=True)
@@ -99,7 +97,8 @@ def check_discretisation(
     (:func:`.resolution.accumulated_error`). If only those of the first part are small, and no finer
     grid is sufficient, the search may find the dissipation that the simulation lacks. The
     resolution of the corrected simulation is checked then (:func:`check_corrected`). The same holds
-    for a run that is corrected towards the readings.
+    for a run that is corrected towards the readings, of which the error from one sample to the next
+    is measured.
 
     If the system has inputs, every episode is checked and the worst result is returned. Without
     inputs all episodes have the same simulation, so one is checked.
@@ -117,11 +116,11 @@ def check_discretisation(
     def checked(episode: Problem, path: Tensor) -> Resolution:
         system, times = episode.system, episode.times
         if nominal.restarted:
-            # It is corrected at every sample, and may blow up soon. Its own jumps there are large.
+            # It is corrected at every sample: its errors do not add up.
             count = len(episode.split.fit.times)
-            rough = replace(traces, limit=ROUGH * limit)
-            found = rough.over_segments(system, path[:count], times[:count], samples=1)
-            return replace(found, is_early=True)
+            found = traces.over_segments(system, path[:count], times[:count], samples=1)
+            each = found.error / (count - 1)
+            return Resolution(each, limit, 1 if each <= limit else None, is_early=True)
         progress = within(problem.deadline("simulate"), report)
         found = traces.over_record(system, path, times, progress)
         # If a finer grid is sufficient, it is better to use it.

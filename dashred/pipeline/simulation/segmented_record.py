@@ -23,6 +23,8 @@ from dashred.pipeline.problem import Problem
 
 # A numerical error below this share of the noise, over one segment, is negligible.
 NOISE_SHARE = 0.02
+# Share of the segments whose error decides: a badly guessed state may blow up.
+QUANTILE = 0.9
 # A simulation has left the range of the recording if it is farther from its start than this many
 # standard deviations of a field.
 LOST = 50.0
@@ -196,25 +198,26 @@ def local_resolution(
         return read.read(finer.run(nodes, (), np.zeros(0)))
 
     fine = readings(2)
-    error = _rms_change(readings(1), fine, scale)
+    error = _typical_change(readings(1), fine, scale)
     if error <= limit:
         return Resolution(error, limit, 1)
-    next_error = _rms_change(fine, readings(4), scale)
+    next_error = _typical_change(fine, readings(4), scale)
     return Resolution(error, limit, 2 if next_error <= limit else None)
 
 
-def _rms_change(coarse: Array, fine: Array, scale: Array) -> float:
-    """Return the largest rms change of a trace, in units of its scale.
+def _typical_change(coarse: Array, fine: Array, scale: Array) -> float:
+    """Return the largest rms change of a trace in nine of ten segments, in units of its scale.
 
-    A segment that blows up with the finer steps too is left out: its state was badly guessed, or
-    the simulator lacks what holds it there. It is infinite if most of them do.
+    The other segments may be about to blow up: their states were badly guessed, or the simulator
+    lacks what holds it there. It is infinite if most segments blow up with the finer steps too.
     """
     bounded = np.isfinite(fine).all(axis=(1, 2))
     if bounded.mean() <= 0.5:
         return np.inf
     change = (fine[bounded] - coarse[bounded]) / scale
-    rms = float(np.sqrt(np.square(change).mean(axis=(0, 1))).max())
-    return rms if np.isfinite(rms) else np.inf
+    rms = np.sqrt(np.square(change).mean(axis=1))
+    typical = float(np.quantile(np.nan_to_num(rms, nan=np.inf), QUANTILE, axis=0).max())
+    return typical if np.isfinite(typical) else np.inf
 
 
 def start_std(prior: StartPrior) -> Array:
@@ -251,8 +254,7 @@ def resolve_steps(
         fine = sensors.read(finer.run(nodes, candidates, xi))
         change = np.abs(fine - coarse).max(axis=1) / noise
         known = np.isfinite(change).all(axis=1)
-        # A badly guessed state may blow up, so the 90 % quantile over the segments decides.
-        if known.mean() > 0.5 and np.quantile(change[known], 0.9) < NOISE_SHARE:
+        if known.mean() > 0.5 and np.quantile(change[known], QUANTILE) < NOISE_SHARE:
             return simulator
         simulator, coarse = finer, fine
     return simulator

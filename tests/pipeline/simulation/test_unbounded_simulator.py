@@ -13,6 +13,7 @@ from dashred.config import load_config
 from dashred.pipeline.problem import build_problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 from dashred.pipeline.simulation.resolution_check import check_discretisation
+from dashred.pipeline.simulation.segmented_record import _typical_change
 
 TEXT = """
 system:
@@ -91,3 +92,15 @@ def test_a_field_without_a_sensor_has_no_range_to_leave(tmp_path: Path) -> None:
     )
     problem = build_problem(load_config([f"conf={tmp_path}/circuit.yaml"], entry="test"))
     assert simulate_nominal(problem, {}).restarted == ()
+
+
+def test_segments_that_are_about_to_blow_up_do_not_decide_the_resolution() -> None:
+    rng = np.random.default_rng(0)
+    fine = rng.standard_normal((20, 5, 2))
+    coarse = fine + 1e-3
+    coarse[:2] += 1e3
+    found = _typical_change(coarse, fine, np.ones(2))
+    assert found == pytest.approx(1e-3, rel=1e-6)
+    coarse[:12] = np.nan
+    fine[:12] = np.nan
+    assert _typical_change(coarse, fine, np.ones(2)) == np.inf

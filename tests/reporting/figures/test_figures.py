@@ -323,5 +323,5 @@ def test_a_force_over_time_is_drawn_for_the_equations_that_it_acts_in() -> None:
     figure = force_over_time(forcing, "time [s]")
     assert titles(figure) == ["equation of v"]
     [axes] = figure.axes
-    np.testing.assert_allclose(axes.lines[0].get_ydata(), value)
+    np.testing.assert_allclose(np.asarray(axes.lines[0].get_ydata(), float), value)
     assert axes.get_xlabel() == "time [s]"

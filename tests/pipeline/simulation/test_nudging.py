@@ -1,0 +1,132 @@
+"""A simulator of fields that blows up is corrected towards the readings, and its law is found."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from dashred.config import load_config
+from dashred.physics.solvers.simulate import simulate
+from dashred.physics.system import System
+from dashred.pipeline.problem import Problem, build_problem
+from dashred.pipeline.simulation.ensembles import simulate_nudged_ensemble
+from dashred.pipeline.simulation.nominal_run import NominalRun, simulate_nominal
+from dashred.pipeline.simulation.nudging import is_lost
+from dashred.pipeline.simulation.resolution_check import check_discretisation
+
+SYSTEM = """
+system:
+  title: growth with diffusion
+  axes: {x: {length: 10, points: 32}}
+  fields: {u: amount}
+  equations: {u: 0.1*lap(u) + 0.8*u + 0.6*u**2SATURATION}
+  start: {u: 0.5 + 0.3*cos(2*pi*x/10)}
+  spread: {u: 0.02}
+  integrator: {dt: 0.02}
+"""
+REST = """
+recording: {path: recording.csv, sensors: sensors.csv}
+splits: {sensors: {validate: 1, test: 1, extra: 0}}
+simulation: {members: 16, held_out: 4, terms: 1}
+shred: {lags: 5, latent: 8, decoder: [16], modes: 3, epochs: 2, steps: 4, batch: 8}
+assimilation: {epochs: 2, width: 8}
+latent_sindy: {steps: [1, 2], bootstraps: 3, begins: 3}
+surrogate: {members: 12}
+threads: 1
+tracking: {model: false}
+"""
+PLACES = np.linspace(0, 10, 9)[:-1] + 0.3
+TIMES = torch.linspace(0, 6, 61, dtype=torch.float64)
+NOISE = 0.01
+
+
+@pytest.fixture(scope="module")
+def growth(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The configuration of the simulator without its saturation, beside a recording."""
+    folder = tmp_path_factory.mktemp("growth")
+    complete = SYSTEM.replace("SATURATION", " - u**3")
+    (folder / "truth.yaml").write_text(
+        complete + "recording: {twin: a, sensors: 1, noise: 0, duration: 4, every: 0.1}\n"
+    )
+    config = load_config([f"conf={folder / 'truth.yaml'}"], entry="test")
+    system = System(config.system, config.where)
+    x = system.grid.coordinates["x"]
+    start = (0.51 + 0.28 * torch.cos(2 * torch.pi * x / 10))[None, None]
+    states = simulate(system, start, TIMES)[0, :, 0]
+    rng = np.random.default_rng(2)
+    exact = np.stack([np.interp(PLACES, x.numpy(), row, period=10.0) for row in states.numpy()])
+    readings = exact + NOISE * rng.standard_normal(exact.shape)
+    names = [f"s{i}" for i in range(len(PLACES))]
+    np.savetxt(
+        folder / "recording.csv",
+        np.column_stack([TIMES.numpy(), readings]),
+        delimiter=",",
+        header=",".join(["time", *names]),
+        comments="",
+    )
+    rows = [f"{name},u,{place}" for name, place in zip(names, PLACES, strict=True)]
+    (folder / "sensors.csv").write_text("\n".join(["name,field,x", *rows]) + "\n")
+    (folder / "growth.yaml").write_text(SYSTEM.replace("SATURATION", "") + REST)
+    return folder / "growth.yaml"
+
+
+@pytest.fixture(scope="module")
+def runs(growth: Path) -> tuple[Problem, NominalRun]:
+    problem = build_problem(load_config([f"conf={growth}"], entry="test"))
+    return problem, simulate_nominal(problem, {})
+
+
+def test_the_corrected_run_stays_near_the_readings(runs: tuple[Problem, NominalRun]) -> None:
+    problem, nominal = runs
+    assert is_lost(problem, nominal.states)
+    assert not np.isfinite(nominal.states.numpy()).all()
+    [reference] = nominal.references
+    assert reference.shape == nominal.states.shape
+    fit = problem.split.fit
+    read = problem.operator(fit)(reference[: len(fit.values)]).numpy()
+    assert np.sqrt(np.nanmean(np.square(read - fit.values))) < 5 * NOISE
+    assert not is_lost(problem, reference)
+    # The corrected simulation is checked again at the end.
+    resolution = check_discretisation(problem, nominal, {})
+    assert resolution.resolved and resolution.is_early
+
+
+def test_the_corrected_run_uses_the_fitted_readings_alone(
+    runs: tuple[Problem, NominalRun], growth: Path, tmp_path: Path
+) -> None:
+    problem, nominal = runs
+    table = np.loadtxt(growth.parent / "recording.csv", delimiter=",", skiprows=1)
+    names = [f"s{i}" for i in range(len(PLACES))]
+    held_out = [1 + names.index(n) for n in names if n not in problem.split.fit.names]
+    table[:, held_out] += 5.0
+    table[len(problem.split.fit.times) :, 1:] += 5.0
+    header = ",".join(["time", *names])
+    path = tmp_path / "changed.csv"
+    np.savetxt(path, table, delimiter=",", header=header, comments="")
+    changed = build_problem(load_config([f"conf={growth}", f"recording.path={path}"], entry="test"))
+    again = simulate_nominal(changed, {})
+    torch.testing.assert_close(again.references[0], nominal.references[0])
+
+
+def test_the_ensemble_is_bounded_and_varied(runs: tuple[Problem, NominalRun]) -> None:
+    problem, nominal = runs
+    ensemble = simulate_nudged_ensemble(problem, nominal, {})
+    assert ensemble.states.shape[:2] == (16, len(problem.split.fit.times))
+    assert float(ensemble.states.abs().max()) < 4.0
+    assert float(ensemble.states.std(dim=0).mean()) > NOISE
+
+
+def test_the_saturation_is_found(growth: Path, train) -> None:
+    ended = train(f"conf={growth}", f"recording.path={growth.parent / 'recording.csv'}")
+    assert ended.code == 0, ended.err
+    findings = json.loads(ended.read("findings.json"))
+    assert findings["verdict"] == "missing-term"
+    [term] = findings["terms"]
+    assert (term["equation"], term["term"]) == ("u", "u**3")
+    low, high = term["ci95"]
+    assert low < -1.0 < high and high - low < 0.2
+    assert "the run without the law diverges" in ended.out
