@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -10,17 +9,13 @@ import torch
 
 from dashred.core.progress import stage
 from dashred.core.tracking import RunTracker
-from dashred.inference.fit.law import Law, build_selected_law
+from dashred.inference.fit.forecast_choice import MOST_TERMS
 from dashred.inference.fit.stepwise_selection import (
-    RefittedSet,
-    Selection,
-    choose_better,
-    polish,
     select,
 )
 from dashred.inference.forward.candidates import Candidate, build_candidates, indices_by_name
 from dashred.inference.hypotheses.comparison.comparison import Comparison
-from dashred.inference.hypotheses.result import BestOfSize, Discovery
+from dashred.inference.hypotheses.result import Discovery
 from dashred.inference.segments.findings.force_map import force_map
 from dashred.inference.segments.selection.left_force import force_beside
 from dashred.inference.segments.selection.search import SegmentSearch
@@ -51,16 +46,10 @@ from dashred.pipeline.discovery.library_choice import is_explained
 from dashred.pipeline.discovery.prior_start import select_near_prior
 from dashred.pipeline.discovery.segment_horizon import follow_segments
 from dashred.pipeline.discovery.segment_stage import discover_in_segments, with_few_terms
+from dashred.pipeline.discovery.selected_laws import MAX_RIVALS, best_by_size, fit_best
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.training import TrainedNetwork
-
-# Relative decrease of F at which a fit ends. The fit without a law needs less accuracy, because its
-# misfit is large.
-LAW_TOLERANCE, EMPTY_TOLERANCE = 1e-5, 1e-3
-# Number of alternative laws that are kept, and their largest distance in score from the best law.
-MAX_RIVALS = 6
-RIVAL_MARGIN = 12.0
 
 
 @torch.no_grad()
@@ -145,7 +134,7 @@ def discover(
         with stage("fit the law to the end", seconds) as report:
             later = problem.deadline("fit the law to the end")
             selection = replace(selection, objective=replace(selection.objective, deadline=later))
-            laws, ranked, nothing, uncorrected = _fit_best(selection)
+            laws, ranked, nothing, uncorrected = fit_best(selection)
             report(1.0, str(laws[0]))
             told = problem.budget.attempt(
                 "forecasts of smaller laws",
@@ -184,9 +173,12 @@ def discover(
         is_complete = horizon.is_complete or (
             compared is not None and is_record_explained(problem, compared)
         )
+        # A law of many terms imitates other causes; without the comparison it is no finding.
+        is_unchecked = told is None and compared is None and len(laws[0].candidates) > MOST_TERMS
+        is_complete = is_complete and not is_unchecked
         if segments is not None and not is_complete:
             return discover_in_segments(problem, segments, child, seconds)
-        path = _best_by_size(selection, nothing)
+        path = best_by_size(selection, nothing)
         log_best_by_size(child, path)
     part = selection.objective
     free = part.noise.whiten(horizon.readings - part.recorded).square().sum()
@@ -240,58 +232,3 @@ def _proposals(
         chosen = {index[name] for name, value in zip(names, fit.coefficients, strict=True) if value}
         sets.append(tuple(sorted(chosen)))
     return [members for members in sets if members]
-
-
-def _fit_best(selection: Selection) -> tuple[list[Law], list[RefittedSet], RefittedSet, Law]:
-    """Converge the fits of the best law and of the empty law; the alternatives are not refitted.
-
-    Returns:
-        The laws, the best first; their fits; the fit of the empty law; and the empty law.
-    """
-    objective = selection.objective
-    best = polish(objective, selection.tried[0], LAW_TOLERANCE)
-    normal = objective.linearise(best.phi)
-    near = [t for t in selection.tried[1:] if t.score < best.score + RIVAL_MARGIN][:MAX_RIVALS]
-    single = next((t for t in selection.tried if len(t.members) == 1), None)
-    if single is not None and len(best.members) > 1 and all(t is not single for t in near):
-        near.append(single)
-    nothing = (
-        polish(objective, _empty_law(selection, best), EMPTY_TOLERANCE) if best.members else best
-    )
-
-    def law(tried: RefittedSet) -> Law:
-        [readings] = objective.forward_model.readings(*objective.split(tried.phi[None]))
-        return build_selected_law(
-            objective, normal, tried.phi, tried.members, readings, tried.score
-        )
-
-    ranked = sorted([best, *near], key=lambda tried: tried.score)
-    return [law(tried) for tried in ranked], ranked, nothing, law(nothing)
-
-
-def _empty_law(selection: Selection, best: RefittedSet) -> RefittedSet:
-    """Return the empty law with its own start or with that of the best law, if it fits better."""
-    objective = selection.objective
-    own = next(tried for tried in selection.tried if not tried.members)
-    other = objective.embed(best.phi[: objective.modes], [])
-    phi, cost = choose_better(objective, own.phi, other)
-    return RefittedSet((), phi, cost, cost)
-
-
-def _best_by_size(selection: Selection, nothing: RefittedSet) -> list[BestOfSize]:
-    """Return the best law of each size; the empty law is the converged one."""
-    objective = selection.objective
-    known = objective.forward_model.law.candidates
-    best: dict[int, RefittedSet] = {}
-    for tried in (nothing, *selection.tried):
-        if math.isfinite(tried.score):
-            best.setdefault(len(tried.members), tried)
-    return [
-        BestOfSize(
-            tuple(known[j] for j in tried.members),
-            tuple(float(tried.phi[objective.modes + j]) for j in tried.members),
-            tried.score,
-            math.sqrt(tried.cost / objective.noise.count),
-        )
-        for _, tried in sorted(best.items())
-    ]
