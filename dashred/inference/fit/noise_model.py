@@ -66,7 +66,8 @@ class NoiseModel:
 
         Sensors are grouped by the quantity that they read. In a group the ratios of σ stay, and
         the residuals set its level. ρ is the pooled lag-one correlation of the group, if it is
-        significant. A group without available samples keeps its σ, and its ρ is zero.
+        significant. A group without available samples, or with residuals of a fit that blew up,
+        keeps its σ, and its ρ is zero.
 
         Args:
             residuals: readings minus recording.
@@ -81,6 +82,8 @@ class NoiseModel:
             if not self.available[:, in_group].any():
                 continue
             mean = float(squares[:, in_group].sum() / self.available[:, in_group].sum())
+            if not math.isfinite(mean):
+                continue
             std[in_group] *= max(math.sqrt(mean / left), 1e-12)
             scaled = residuals[:, in_group] / std[in_group]
             correlation[in_group] = _lag_one(scaled, self.available[:, in_group])

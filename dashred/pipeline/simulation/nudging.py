@@ -23,8 +23,8 @@ from dashred.physics.runs.initial_state_prior import StartPrior
 from dashred.physics.solvers.simulate import simulate
 from dashred.pipeline.problem import Problem
 
-# A run has left the range of the recording if a reading is farther from its mean than this many
-# standard deviations of its trace.
+# A run has left the range of the recording if a reading of a quantity is farther from its mean over
+# all sensors than this many of its standard deviations.
 LOST = 10.0
 # Standard deviation of the factor by which the readings of each member of an ensemble are larger.
 READING_SPREAD = 0.3
@@ -40,12 +40,17 @@ def is_lost(problem: Problem, path: Tensor) -> bool:
         path: its simulation, ``(time, field, *grid)``.
     """
     fit = problem.split.fit
-    readings = torch.from_numpy(fit.values)
-    simulated = problem.operator(fit)(path[: len(readings)])
-    std = torch.from_numpy(fit.trace_std()).clamp(min=1e-12)
-    away = (simulated - readings.nanmean(dim=0)).abs() / std
-    # Written with "not", because the values may be NaN.
-    return not bool((away < LOST).all())
+    simulated = problem.operator(fit)(path[: len(fit.times)]).numpy()
+    for quantity in {sensor.reads for sensor in fit.sensors}:
+        mine = [sensor.reads == quantity for sensor in fit.sensors]
+        values = fit.values[:, mine]
+        away = np.abs(simulated[:, mine] - np.nanmean(values)) / max(
+            float(np.nanstd(values)), 1e-12
+        )
+        # Written with "not", because the simulation may be NaN.
+        if not (away < LOST).all():
+            return True
+    return False
 
 
 def nudged_run(problem: Problem, prior: StartPrior) -> Tensor:
