@@ -29,14 +29,28 @@ def is_exact(system: System, entries: Sequence[Mapping[str, Any]], truth: Truth)
     """Return whether a law adds the hidden tendency, in each equation, and nothing else.
 
     An entry is something else if the law without it is as good. A law with more entries than the
-    hidden one has products imitates it.
+    hidden one has products imitates it. A law of the true terms, with coefficients within the
+    tolerance, is exact as well: the term of dry friction has no value while a slider sticks.
     """
     if truth.terms and len(entries) > sum(term.size for term in truth.terms):
         return False
     if truth.kind == "region":
         return _is_exact_in_region(system, entries, truth)
     parts = added_tendencies(system, entries, truth)
-    return parts is not None and _adds(parts, truth.hidden)
+    if parts is None:
+        return False
+    return _has_true_terms(system, entries, truth) or _adds(parts, truth.hidden)
+
+
+def _has_true_terms(system: System, entries: Sequence[Mapping[str, Any]], truth: Truth) -> bool:
+    """Return whether a law has the true terms, with coefficients within the tolerance."""
+    if not truth.terms or any(entry["equation"] is None or entry["region"] for entry in entries):
+        return False
+    terms = [TrueTerm(e["equation"], str(e["term"]), float(e["coefficient"])) for e in entries]
+    told, known = (_summed(system, each) for each in (terms, truth.terms))
+    return told.keys() == known.keys() and all(
+        abs(told[key] - value) <= TOLERANCE * abs(value) for key, value in known.items()
+    )
 
 
 def _is_exact_in_region(system: System, entries: Sequence[Mapping[str, Any]], truth: Truth) -> bool:
@@ -101,11 +115,7 @@ def _all_but_field(values: Array) -> tuple[int, ...]:
 
 def covered(system: System, entries: Sequence[Mapping[str, Any]], truth: Truth) -> list[bool]:
     """Return for each told term of the true law whether its 95 % interval has the true value."""
-    known: dict[tuple[str, Expr], float] = {}
-    for term in truth.terms:
-        for key, value in _coefficients(system, term):
-            known[key] = known.get(key, 0.0) + value
-    found = []
+    known, found = _summed(system, truth.terms), []
     for entry in entries:
         if entry["equation"] is None or not entry.get("ci95"):
             continue
@@ -116,6 +126,15 @@ def covered(system: System, entries: Sequence[Mapping[str, Any]], truth: Truth) 
             low, high = sorted(factor * float(end) for end in entry["ci95"])
             found.append(low <= known[key] <= high)
     return found
+
+
+def _summed(system: System, terms: Sequence[TrueTerm]) -> dict[tuple[str, Expr], float]:
+    """Return the coefficients of terms by equation and expression."""
+    known: dict[tuple[str, Expr], float] = {}
+    for term in terms:
+        for key, value in _coefficients(system, term):
+            known[key] = known.get(key, 0.0) + value
+    return known
 
 
 def _coefficients(system: System, term: TrueTerm) -> list[tuple[tuple[str, Expr], float]]:

@@ -54,6 +54,20 @@ def test_a_product_may_be_told_multiplied_out() -> None:
     assert is_exact(SYSTEM, told, replace(truth(x=hidden), terms=law))
 
 
+@pytest.mark.parametrize(
+    ("entries", "exact"),
+    [
+        ([term("x", "x**2", -0.31)], True),
+        ([term("x", "x**2", -0.35)], False),
+        ([term("x", "x**2", -0.3), term("x", "y", -0.001)], False),
+        ([], False),
+    ],
+)
+def test_the_true_term_is_exact_where_the_hidden_force_rests(entries, exact: bool) -> None:
+    resting = np.where(TIMES < 2, -0.3 * STATES[:, 0] ** 2, 0.0)
+    assert is_exact(SYSTEM, entries, truth(x=resting)) is exact
+
+
 def test_a_force_without_a_name_may_be_told_by_several_terms() -> None:
     nameless = replace(SQUARE, terms=())
     told = [term("x", "x**2", -0.15), term("x", "x*abs(x)", -0.15)]
