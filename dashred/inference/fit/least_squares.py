@@ -143,14 +143,20 @@ class LeastSquaresProblem:
         z, xi = self.split(phi)
         return z.square().sum(dim=-1) + (xi / self.prior_std).square().sum(dim=-1)
 
-    def linearise(self, phi: Tensor, readings: Tensor | None = None) -> NormalEquations:
+    def linearise(
+        self, phi: Tensor, readings: Tensor | None = None, deadline: Deadline = NEVER
+    ) -> NormalEquations:
         """Return the normal equations at a point.
 
         Args:
             phi: the point, ``(unknown,)``.
             readings: readings at the point, ``(time, sensor)``, if they are known already.
+            deadline: time at which the integration of the derivatives ends.
+
+        Raises:
+            OutOfTimeError: the deadline is over.
         """
-        point = self.forward_model.linearise(*self.split(phi), readings)
+        point = self.forward_model.linearise(*self.split(phi), readings, deadline)
         columns = torch.cat([point.by_start, point.by_coefficients], dim=-1).movedim(-1, 0)
         jacobian = self.noise.whiten(columns).flatten(1).T
         residuals = self.residuals(point.readings)

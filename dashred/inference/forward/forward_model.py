@@ -20,6 +20,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from dashred.core.budget import NEVER, Deadline
 from dashred.inference.forward.episodes import concatenate_episodes
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.forward.law_block import LawBlock
@@ -111,6 +112,7 @@ class ForwardModel:
         z: Float[Tensor, " mode"],
         xi: Float[Tensor, " coefficient"],
         readings: Float[Tensor, "time sensor"] | None = None,
+        deadline: Deadline = NEVER,
     ) -> Linearisation:
         """Return the readings and their Jacobian at one point.
 
@@ -121,14 +123,18 @@ class ForwardModel:
             z: unknowns of the start.
             xi: coefficients.
             readings: readings at the point, if they are known already.
+            deadline: time at which the integration of the derivatives ends.
+
+        Raises:
+            OutOfTimeError: the deadline is over.
         """
         if readings is None:
             [readings] = self.readings(z[None], xi[None])
-        jacobian, simulator = self._jacobian(z, xi), self.simulator
+        jacobian, simulator = self._jacobian(z, xi, deadline), self.simulator
         is_usable = bool(torch.isfinite(jacobian).all()) or not bool(torch.isfinite(readings).all())
         if not is_usable and simulator.tangent.dt > simulator.system.dt:
             # The larger time step of the derivative may be unstable.
-            jacobian = self.finer()._jacobian(z, xi)
+            jacobian = self.finer()._jacobian(z, xi, deadline)
         by_coefficients = jacobian[..., len(z) :]
         if self.sensors.errors:
             [states] = self.states(z[None], xi[None])
@@ -147,11 +153,13 @@ class ForwardModel:
         """Natural scales of the coefficients of law and forcing, ``(coefficient,)``."""
         return torch.cat([block.scales for block in (self.law, self.forcing) if block])
 
-    def _jacobian(self, z: Tensor, xi: Tensor) -> Tensor:
+    def _jacobian(self, z: Tensor, xi: Tensor, deadline: Deadline = NEVER) -> Tensor:
         """Return the columns of start, law and forcing, ``(time, sensor, unknown)``."""
-        return (self._columns if self.simulator.has_tangents else self._differences)(z, xi)
+        if self.simulator.has_tangents:
+            return self._columns(z, xi, deadline)
+        return self._differences(z, xi)
 
-    def _columns(self, z: Tensor, xi: Tensor) -> Tensor:
+    def _columns(self, z: Tensor, xi: Tensor, deadline: Deadline = NEVER) -> Tensor:
         """Return the Jacobian from tangent-linear equations."""
         eye = torch.eye(len(z), dtype=torch.float64)
         [base] = self.start.start(z[None])
@@ -166,7 +174,11 @@ class ForwardModel:
             forcing.sampled(xi[None, slices.forcing]) if forcing else None,
             forcing.basis if forcing else None,
         )
-        return torch.cat([self._observe(*block) for block in blocks])
+        found = []
+        for block in blocks:
+            found.append(self._observe(*block))
+            deadline.check()
+        return torch.cat(found)
 
     def _observe(self, states: Tensor, tangents: Tensor) -> Tensor:
         """Return the derivative ``H'(u) w``, ``(sample, sensor, column)``.

@@ -21,6 +21,7 @@ from dashred.inference.hypotheses.extended.extended_library import (
 from dashred.inference.segments.natural_scales import natural_scales
 from dashred.inference.segments.selection.beside_errors import EXPLAINED, search_beside_errors
 from dashred.inference.segments.selection.equivalent_laws import merge_equivalent
+from dashred.inference.segments.selection.left_force import forced_score
 from dashred.inference.segments.selection.search import SegmentSearch, search_further
 from dashred.inference.segments.selection.set_selection import SegmentLaw
 from dashred.physics.expressions import algebra
@@ -89,8 +90,9 @@ def _with_definitions(
 ) -> tuple[Problem, SegmentSearch] | None:
     """Return the laws with terms in equations that define a rate; None if none are needed.
 
-    They are needed if nothing else explains the record. They are used as well if fewer of them
-    explain it: if y is not measured, a term in ``x' = y`` only redefines y.
+    They are needed if nothing else explains the record: no law, and no force in the other
+    equations. They are used as well if fewer of them explain it: if y is not measured, a term in
+    ``x' = y`` only redefines y.
     """
     system = problem.system
     closed = set(system.fields) - {term.equation for term in problem.library}
@@ -110,11 +112,10 @@ def _with_definitions(
     again = search_library(wider, nominal)
     if again is None:
         return None
-    if found is None or (
-        again.level < GAIN * found.level if unexplained else _is_simpler(again, found)
-    ):
+    if found is None:
         return wider, again
-    return None
+    is_better = again.level < GAIN * found.level if unexplained else _is_simpler(again, found)
+    return (wider, again) if is_better and _score(again) < forced_score(found) else None
 
 
 def _is_simpler(found: SegmentSearch, other: SegmentSearch) -> bool:

@@ -84,6 +84,9 @@ def profile_out(
         forcing: a forcing that explains the recording, on top of a law or of none.
         columns: candidates, with or without a window.
         stds: prior standard deviation of each coefficient, ``(column,)``.
+
+    Raises:
+        OutOfTimeError: the deadline of F is over.
     """
     forced_model, places = forcing.objective.forward_model, forcing.objective.forward_model.slices
     z, xi = forcing.objective.split(forcing.phi)
@@ -97,7 +100,9 @@ def profile_out(
     priors = torch.cat([stds, forcing.objective.prior_std[base_unknowns]])
     whole = replace(objective, forward_model=forward_model, prior_std=priors)
     zero = torch.zeros(len(columns), dtype=torch.float64)
-    normal = whole.linearise(torch.cat([z, zero, xi[base_unknowns]]), readings)
+    point = torch.cat([z, zero, xi[base_unknowns]])
+    # Hundreds of columns: in the plane this may take minutes.
+    normal = whole.linearise(point, readings, objective.deadline)
     target = normal.target
     screened_count = objective.modes + len(columns)
     # F(φ) ≈ ‖J φ - b‖². The columns of forcing and base law are dropped, so the screened terms have

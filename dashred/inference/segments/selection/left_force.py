@@ -56,6 +56,13 @@ def forces_of(found: SegmentSearch) -> list[Cause]:
     return possible_forces(found.natural.rate, equations)
 
 
+def forced_score(found: SegmentSearch) -> float:
+    """Return the lowest ``-2 ln p(y)`` of the best law and of the empty one, with forces."""
+    empty = next(law for law in found.laws if not law.members)
+    laws = [found.best] if found.best is empty else [found.best, empty]
+    return min(add_causes(found.walking(law), forces_of(found)).score for law in laws)
+
+
 def left_force(found: SegmentSearch, law: Walking) -> LeftForce | None:
     """Return the force that a law leaves; None if the evidence supports none, or a small one.
 
