@@ -20,8 +20,6 @@ from dashred.inference.segments.selection.walk_choice import Walking, add_causes
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 from dashred.inference.sensor_faults.lost_samples import first_stuck_sample
 
-# Prior of the coefficients of a given law, in units of their size, and steps of its fit.
-WIDE, STEPS = 10.0, 8
 # The law explains the record if its misfit per reading is below this limit.
 EXPLAINED = 1.7
 # The courses of an error in several episodes are compared at so many points, and are alike if their
@@ -88,7 +86,8 @@ def _repeats(found: SegmentSearch) -> bool:
         for episode in range(count):
             values = walked[segments.episode == episode, 2 * place]
             courses.append(np.interp(share, np.linspace(0, 1, len(values)), values))
-        alike = np.corrcoef(courses)[np.triu_indices(count, 1)]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            alike = np.corrcoef(courses)[np.triu_indices(count, 1)]
         if alike.mean() > ALIKE:
             return True
     return False
