@@ -12,7 +12,9 @@ shared by all episodes.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -24,6 +26,9 @@ from dashred.inference.forward.sensor_block import OffsetErrors
 SEGMENTS, SEGMENT_SAMPLES = 16, 4
 # Choices of τ: σ times powers of this, up to this many times the standard deviation of the trace.
 LEVEL_RATIO, LARGEST_LEVEL = 3.0, 3.0
+# The courses of an error in several episodes are compared at so many points, and are alike if their
+# mean correlation is above this limit.
+COMPARED, ALIKE = 20, 0.8
 # Largest number of times at which a curve is reported.
 REPORTED = 101
 
@@ -83,6 +88,22 @@ def error_curves(
             )
         )
     return tuple(curves)
+
+
+def follows_state(curves: Sequence[ErrorCurve]) -> bool:
+    """Tell whether an error has the same course in all of several episodes.
+
+    It then follows the state, and is no error of the sensor.
+    """
+    if len(curves) < 2:
+        return False
+    courses = [
+        np.interp(np.linspace(0, 1, COMPARED), np.linspace(0, 1, len(curve.value)), curve.value)
+        for curve in curves
+    ]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlation = np.atleast_2d(np.corrcoef(courses))
+    return bool(correlation[np.triu_indices(len(curves), 1)].mean() > ALIKE)
 
 
 def _ramps(clock: Tensor) -> Tensor:

@@ -19,6 +19,7 @@ from dashred.inference.hypotheses.result import Discovery
 from dashred.inference.segments.findings.force_map import force_map
 from dashred.inference.segments.selection.left_force import force_beside
 from dashred.inference.segments.selection.search import SegmentSearch
+from dashred.inference.sensor_faults.error_curve import follows_state
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline.assimilation import AssimilationResult
@@ -175,7 +176,9 @@ def discover(
         )
         # A law of many terms imitates other causes; without the comparison it is no finding.
         is_unchecked = told is None and compared is None and len(laws[0].candidates) > MOST_TERMS
-        is_complete = is_complete and not is_unchecked
+        # An error that is the same in every episode imitates a law that is missing.
+        imitates = any(follows_state(fault.curves) for fault in comparison.laws[0].faults)
+        is_complete = is_complete and not is_unchecked and not (imitates and segments is not None)
         if segments is not None and not is_complete:
             return discover_in_segments(problem, segments, child, seconds)
         path = best_by_size(selection, nothing)

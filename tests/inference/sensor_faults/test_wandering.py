@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
-from dashred.inference.fit.law import Law, build_law
+from dashred.inference.fit.law import ErrorCurve, Law, build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.noise_model import NoiseModel
@@ -25,6 +26,7 @@ from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, refit
 from dashred.inference.hypotheses.sensors.fault_fits import fit_sensor_hypotheses
 from dashred.inference.initial_state.start_models import LinearStart
+from dashred.inference.sensor_faults.error_curve import follows_state
 from dashred.inference.sensor_faults.fault_search import FaultProblem, FaultSet, find_faults
 from dashred.inference.sensor_faults.fault_table import SEARCHED_KINDS
 from dashred.physics.solvers.simulate import simulate
@@ -216,3 +218,17 @@ def test_the_faults_are_refitted_with_the_law(oscillator: Oscillator) -> None:
     )
     [wide] = louder.law.faults
     assert wide.std is not None and before.std is not None and wide.std > 1.3 * before.std
+
+
+def test_an_error_with_the_same_course_in_every_episode_follows_the_state() -> None:
+    clock = np.linspace(0, 6, 40)
+    std = (0.1,) * len(clock)
+
+    def curve(values: np.ndarray, episode: int) -> ErrorCurve:
+        return ErrorCurve(tuple(clock.tolist()), tuple(values.tolist()), std, episode)
+
+    rise, wave = curve(clock**2, 0), curve(np.sin(2 * clock), 1)
+    assert follows_state([rise, curve(1.3 * clock**2 + 0.1 * np.sin(9 * clock), 1)])
+    assert not follows_state([rise, wave]) and not follows_state([rise])
+    # A constant error has no course.
+    assert not follows_state([curve(np.ones_like(clock), 0), curve(np.ones_like(clock), 1)])
