@@ -142,10 +142,9 @@ def _causes(discovery: Discovery, details: FaultDetails) -> list[Cause]:
         law, probability = best[kind], min(1.0, probabilities[kind])
         causes.append(_cause(kind, probability, law, details))
         # A law or another start and several faults may all be true; the faults come last.
-        others = law.faults[1:] if kind == "sensor-fault" else law.faults
         if kind == "sensor-fault":
             told.add((law.faults[0].kind, law.faults[0].sensor))
-        for fault in others:
+        for fault in law.faults:
             if (fault.kind, fault.sensor) in told:
                 continue
             told.add((fault.kind, fault.sensor))

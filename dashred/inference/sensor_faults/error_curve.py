@@ -90,20 +90,21 @@ def error_curves(
     return tuple(curves)
 
 
-def follows_state(curves: Sequence[ErrorCurve]) -> bool:
+def follows_state(courses: Sequence[Sequence[float]]) -> bool:
     """Tell whether an error has the same course in all of several episodes.
 
     It then follows the state, and is no error of the sensor.
+
+    Args:
+        courses: the error over time in each episode.
     """
-    if len(curves) < 2:
+    if len(courses) < 2:
         return False
-    courses = [
-        np.interp(np.linspace(0, 1, COMPARED), np.linspace(0, 1, len(curve.value)), curve.value)
-        for curve in curves
-    ]
+    share = np.linspace(0, 1, COMPARED)
+    compared = [np.interp(share, np.linspace(0, 1, len(course)), course) for course in courses]
     with np.errstate(invalid="ignore", divide="ignore"):
-        correlation = np.atleast_2d(np.corrcoef(courses))
-    return bool(correlation[np.triu_indices(len(curves), 1)].mean() > ALIKE)
+        correlation = np.atleast_2d(np.corrcoef(compared))
+    return bool(correlation[np.triu_indices(len(courses), 1)].mean() > ALIKE)
 
 
 def _ramps(clock: Tensor) -> Tensor:

@@ -10,11 +10,9 @@ import torch
 from torch import Tensor
 
 from dashred.core.errors import InputError
-from dashred.data.observation_operator import ObservationOperator
 from dashred.physics.library import check_collinear, uninformative_terms
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
 from dashred.physics.runs.resolution import (
-    Readings,
     doubling_error,
 )
 from dashred.physics.solvers.simulate import check_finite, simulate
@@ -109,12 +107,13 @@ def simulator_remarks(context: CheckContext, nominal: NominalRun) -> Iterator[Re
             "The simulation blows up soon after that",
             "a run restarts it from the readings, or corrects it towards them",
         )
-    readings = _readings(context)
-    traces = readings(context.system, nominal.states[None])[0]
+    sigma, limit = context.sigma(nominal.states), context.config.resolution_limit
+    sensors = SensorTraces(context.sensors, sigma, limit)
+    traces = sensors.read(context.system, nominal.states[None])[0]
     if not (traces.std(dim=0) > ROUNDING * traces.abs().max()).any():
         yield warning("All simulated readings are constant", "check that the equations are written")
         return
-    yield _resolution_remark(context, nominal, traces)
+    yield _resolution_remark(context, nominal, sensors, traces)
     yield from _library_remarks(context, nominal)
 
 
@@ -155,12 +154,13 @@ def _excluded_term(term_and_why: tuple[Term, str | Term]) -> Remark:
 
 
 @torch.no_grad()
-def _resolution_remark(context: CheckContext, nominal: NominalRun, traces: Tensor) -> Remark:
-    system, limit = context.system, context.config.resolution_limit
+def _resolution_remark(
+    context: CheckContext, nominal: NominalRun, sensors: SensorTraces, traces: Tensor
+) -> Remark:
+    system, limit = context.system, sensors.limit
     cost_factor = DOUBLED_COST * 2.0 ** (1 + len(system.axes))
     count = nominal.affordable_samples(DOUBLED_SECONDS, cost_factor)
     times, start = nominal.times[:count], nominal.states[:1]
-    sensors = SensorTraces(context.sensors, context.sigma(nominal.states), limit)
     least, coarse = sensors.least(traces), traces[None, :count]
     error, _ = doubling_error(system, start, times, sensors.read, coarse, least)
     if error > limit:
@@ -180,15 +180,6 @@ def _remedy(system: System) -> str:
     if not system.axes:
         return "decrease system.integrator.dt"
     return "decrease system.integrator.dt, or increase the points of the axes"
-
-
-def _readings(context: CheckContext) -> Readings:
-    sensors = context.sensors
-
-    def readings(system: System, states: Tensor) -> Tensor:
-        return ObservationOperator(sensors, system)(states)
-
-    return readings
 
 
 def _affordable_samples(seconds: float, each: float, most: int) -> int:

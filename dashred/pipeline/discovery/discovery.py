@@ -177,7 +177,8 @@ def discover(
         # A law of many terms imitates other causes; without the comparison it is no finding.
         is_unchecked = told is None and compared is None and len(laws[0].candidates) > MOST_TERMS
         # An error that is the same in every episode imitates a law that is missing.
-        imitates = any(follows_state(fault.curves) for fault in comparison.laws[0].faults)
+        faults = comparison.laws[0].faults
+        imitates = any(follows_state([c.value for c in fault.curves]) for fault in faults)
         is_complete = is_complete and not is_unchecked and not (imitates and segments is not None)
         if segments is not None and not is_complete:
             return discover_in_segments(problem, segments, child, seconds)

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
-from dashred.inference.fit.law import ErrorCurve, Law, build_law
+from dashred.inference.fit.law import Law, build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.noise_model import NoiseModel
@@ -222,13 +222,8 @@ def test_the_faults_are_refitted_with_the_law(oscillator: Oscillator) -> None:
 
 def test_an_error_with_the_same_course_in_every_episode_follows_the_state() -> None:
     clock = np.linspace(0, 6, 40)
-    std = (0.1,) * len(clock)
-
-    def curve(values: np.ndarray, episode: int) -> ErrorCurve:
-        return ErrorCurve(tuple(clock.tolist()), tuple(values.tolist()), std, episode)
-
-    rise, wave = curve(clock**2, 0), curve(np.sin(2 * clock), 1)
-    assert follows_state([rise, curve(1.3 * clock**2 + 0.1 * np.sin(9 * clock), 1)])
+    rise, wave = (clock**2).tolist(), np.sin(2 * clock).tolist()
+    assert follows_state([rise, (1.3 * clock**2 + 0.1 * np.sin(9 * clock)).tolist()])
     assert not follows_state([rise, wave]) and not follows_state([rise])
     # A constant error has no course.
-    assert not follows_state([curve(np.ones_like(clock), 0), curve(np.ones_like(clock), 1)])
+    assert not follows_state([[1.0] * 40, [1.0] * 40])

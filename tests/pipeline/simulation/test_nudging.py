@@ -17,6 +17,7 @@ from dashred.pipeline.simulation.ensembles import simulate_nudged_ensemble
 from dashred.pipeline.simulation.nominal_run import NominalRun, simulate_nominal
 from dashred.pipeline.simulation.nudging import is_lost
 from dashred.pipeline.simulation.resolution_check import check_discretisation
+from tests.pipeline.simulation.conftest import SHORT_RUN
 
 SYSTEM = """
 system:
@@ -28,17 +29,13 @@ system:
   spread: {u: 0.02}
   integrator: {dt: 0.02}
 """
-REST = """
+REST = (
+    """
 recording: {path: recording.csv, sensors: sensors.csv}
 splits: {sensors: {validate: 1, test: 1, extra: 0}}
-simulation: {members: 16, held_out: 4, terms: 1}
-shred: {lags: 5, latent: 8, decoder: [16], modes: 3, epochs: 2, steps: 4, batch: 8}
-assimilation: {epochs: 2, width: 8}
-latent_sindy: {steps: [1, 2], bootstraps: 3, begins: 3}
-surrogate: {members: 12}
-threads: 1
-tracking: {model: false}
-"""
+simulation: {members: 16, held_out: 4, terms: 1}"""
+    + SHORT_RUN
+)
 PLACES = np.linspace(0, 10, 9)[:-1] + 0.3
 TIMES = torch.linspace(0, 6, 61, dtype=torch.float64)
 NOISE = 0.01

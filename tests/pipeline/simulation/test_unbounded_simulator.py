@@ -14,8 +14,10 @@ from dashred.pipeline.problem import build_problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 from dashred.pipeline.simulation.resolution_check import check_discretisation
 from dashred.pipeline.simulation.segmented_record import _typical_change
+from tests.pipeline.simulation.conftest import SHORT_RUN
 
-TEXT = """
+TEXT = (
+    """
 system:
   title: jerk circuit
   fields: {x: voltage, y: its rate, z: its jerk}
@@ -25,14 +27,9 @@ system:
   integrator: {method: rk4, dt: 0.02}
 recording: {path: recording.csv}
 splits: {sensors: {validate: 0, test: 0, extra: 0}}
-simulation: {members: 24, held_out: 6, terms: 1}
-shred: {lags: 5, latent: 8, decoder: [16], modes: 3, epochs: 2, steps: 4, batch: 8}
-assimilation: {epochs: 2, width: 8}
-latent_sindy: {steps: [1, 2], bootstraps: 3, begins: 3}
-surrogate: {members: 12}
-threads: 1
-tracking: {model: false}
-"""
+simulation: {members: 24, held_out: 6, terms: 1}"""
+    + SHORT_RUN
+)
 TIMES = np.linspace(0, 30, 301)
 # The coefficient of y in the equation of z.
 TERM = -1.15

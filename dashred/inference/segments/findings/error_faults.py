@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dashred.inference.fit.law import ErrorCurve, SensorFault
+from dashred.inference.segments.block_tridiagonal import BlockNormal
 from dashred.inference.segments.segments import Array
 from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.inference.segments.selection.set_selection import SegmentLaw
@@ -30,7 +31,9 @@ class _Walked:
     covariance: Array
 
 
-def error_faults(search: SegmentSearch, law: SegmentLaw) -> tuple[SensorFault, ...]:
+def error_faults(
+    search: SegmentSearch, law: SegmentLaw, normal: BlockNormal | None
+) -> tuple[SensorFault, ...]:
     """Return the faults beside a law.
 
     A bias or a drift that differs between the episodes is told as wandering.
@@ -38,11 +41,11 @@ def error_faults(search: SegmentSearch, law: SegmentLaw) -> tuple[SensorFault, .
     Args:
         search: gives the problem and the sensor errors.
         law: a set of candidates and its fit.
+        normal: the problem linearised there; None if a segment blows up.
     """
     if not search.errors:
         return ()
     problem, point = search.problem, law.fit.point
-    normal = problem.linearise(point, law.members)
     fields, faults = problem.simulator.fields, []
     for place, (cause, level) in enumerate(search.errors.items()):
         own = [2 * place, 2 * place + 1]

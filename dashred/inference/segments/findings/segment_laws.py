@@ -57,7 +57,7 @@ def law_from_segments(search: SegmentSearch, found: SegmentLaw) -> Law:
         score=found.score,
         chi2=misfit / segments.seen / search.level,
         residuals=_by_sample(segments, residuals),
-        faults=error_faults(search, found),
+        faults=error_faults(search, found, normal),
     )
 
 

@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import torch
 
 from dashred.inference.segments.selection.causes import (
-    Cause,
     possible_errors,
     walks_of,
 )
-from dashred.inference.segments.selection.left_force import forces_of
+from dashred.inference.segments.selection.left_force import best_with, forces_of
 from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.inference.segments.selection.set_selection import select
-from dashred.inference.segments.selection.walk_choice import Walking, add_causes, walk_price
+from dashred.inference.segments.selection.walk_choice import Walking, walk_price
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
+from dashred.inference.sensor_faults.error_curve import follows_state
 from dashred.inference.sensor_faults.lost_samples import first_stuck_sample
 
 # The law explains the record if its misfit per reading is below this limit.
 EXPLAINED = 1.7
-# The courses of an error in several episodes are compared at so many points, and are alike if their
-# mean correlation is above this limit.
-COMPARED, ALIKE = 20, 0.8
 # An error jumps where the readings are so many σ away, and in at most so many of all readings.
 JUMP, MOST_JUMPS = 4.0, 0.1
 
@@ -41,7 +37,7 @@ def search_beside_errors(found: SegmentSearch) -> SegmentSearch | None:
     errors = possible_errors(found.problem)
     if not errors:
         return None
-    started = _best(found, [*forces_of(found), *errors])
+    started = best_with(found, [*forces_of(found), *errors])
     kept = {cause: level for cause, level in started.causes.items() if cause.kind == "error"}
     if not kept:
         return None
@@ -75,22 +71,12 @@ def _repeats(found: SegmentSearch) -> bool:
     A steady error may be the same.
     """
     segments, walked = found.problem.segments, found.best.fit.point.walked
-    count = len(segments.begins)
-    if count < 2:
-        return False
-    share = np.linspace(0, 1, COMPARED)
-    for place, level in enumerate(found.errors.values()):
-        if level.name != "wandering":
-            continue
-        courses = []
-        for episode in range(count):
-            values = walked[segments.episode == episode, 2 * place]
-            courses.append(np.interp(share, np.linspace(0, 1, len(values)), values))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            alike = np.corrcoef(courses)[np.triu_indices(count, 1)]
-        if alike.mean() > ALIKE:
-            return True
-    return False
+    episodes = [segments.episode == episode for episode in range(len(segments.begins))]
+    return any(
+        follows_state([walked[mine, 2 * place].tolist() for mine in episodes])
+        for place, level in enumerate(found.errors.values())
+        if level.name == "wandering"
+    )
 
 
 def _is_stuck(found: SegmentSearch) -> bool:
@@ -114,11 +100,3 @@ def _is_stuck(found: SegmentSearch) -> bool:
             if len(tail) and float(np.std(tail)) > JUMP * sigma:
                 return True
     return False
-
-
-def _best(found: SegmentSearch, causes: Sequence[Cause]) -> Walking:
-    """Return the best law or the empty one, whichever does better, with causes beside it."""
-    empty = next(law for law in found.laws if not law.members)
-    laws = [found.best] if found.best is empty else [found.best, empty]
-    tried = [add_causes(found.walking(law), causes) for law in laws]
-    return min(tried, key=lambda each: each.score)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -56,11 +57,17 @@ def forces_of(found: SegmentSearch) -> list[Cause]:
     return possible_forces(found.natural.rate, equations)
 
 
-def forced_score(found: SegmentSearch) -> float:
-    """Return the lowest ``-2 ln p(y)`` of the best law and of the empty one, with forces."""
+def best_with(found: SegmentSearch, causes: Sequence[Cause]) -> Walking:
+    """Return the best law or the empty one, whichever does better, with causes beside it."""
     empty = next(law for law in found.laws if not law.members)
     laws = [found.best] if found.best is empty else [found.best, empty]
-    return min(add_causes(found.walking(law), forces_of(found)).score for law in laws)
+    tried = [add_causes(found.walking(law), causes) for law in laws]
+    return min(tried, key=lambda each: each.score)
+
+
+def forced_score(found: SegmentSearch) -> float:
+    """Return the lowest ``-2 ln p(y)`` of the best law and of the empty one, with forces."""
+    return best_with(found, forces_of(found)).score
 
 
 def left_force(found: SegmentSearch, law: Walking) -> LeftForce | None:
