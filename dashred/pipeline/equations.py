@@ -38,6 +38,7 @@ from dashred.pipeline.simulation.ensembles import (
     simulate_ensemble,
     simulate_nudged_ensemble,
 )
+from dashred.pipeline.simulation.longer_step import with_longer_step
 from dashred.pipeline.simulation.nominal_run import NominalRun, simulate_nominal
 from dashred.pipeline.simulation.resolution_check import check_corrected, check_discretisation
 from dashred.pipeline.verification import verification as verify
@@ -98,6 +99,7 @@ def _simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
         resolution = check_discretisation(problem, nominal, seconds)
     if not resolution.resolved:
         return SimulationRuns(problem, nominal, resolution, None)
+    problem = with_longer_step(problem, nominal)
     problem, segments = search_in_segments(problem, nominal, seconds)
     try:
         ensemble = simulate_ensemble(problem, nominal, seconds)

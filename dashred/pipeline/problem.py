@@ -66,6 +66,8 @@ class Problem:
         whole: the episode that is held out as a whole, if any.
         snapshots: snapshots of a simulator without known equations; None if equations are given.
         budget: time of the run.
+        longer_dt: time step of the ensemble and of derivatives if the configuration states none;
+            None keeps that of the simulator.
     """
 
     config: Config
@@ -83,6 +85,7 @@ class Problem:
     whole: tuple[Problem, ...] = ()
     snapshots: Snapshots | None = None
     budget: Budget = field(default_factory=Budget)
+    longer_dt: float | None = None
 
     def deadline(self, stage: str) -> Deadline:
         """Return the time at which a stage ends (:data:`.time_shares.ENDS`).
@@ -107,7 +110,7 @@ class Problem:
     @property
     def ensemble_system(self) -> System:
         """The simulator with the time step of the ensemble."""
-        dt = self.config.simulation.dt
+        dt = self.config.simulation.dt or self.longer_dt
         return self.system if dt is None else self.system.with_step(dt)
 
     def with_step(self, dt: float, reason: str) -> Problem:
@@ -123,6 +126,10 @@ class Problem:
             return replace(episode, system=episode.system.with_step(dt), clock=clock)
 
         return self._in_every_episode(changed)
+
+    def with_longer_step(self, dt: float) -> Problem:
+        """Return the problem with another time step of the ensemble, in every episode."""
+        return self._in_every_episode(lambda episode: replace(episode, longer_dt=dt))
 
     def with_library(self, library: list[Term]) -> Problem:
         """Return the problem with other candidate terms, in every episode."""

@@ -35,8 +35,9 @@ class Simulation:
     """Size of the tendency of a drawn term."""
 
     dt: Time | None
-    """Time step of the ensemble, which may be less accurate than that of the findings; null keeps
-    system.integrator.dt."""
+    """Time step of the ensemble, which may be less accurate than that of the findings; null chooses
+    the longest of 1, 2, 4 and 8 times system.integrator.dt that changes readings by less than 1 %
+    of their std."""
 
 
 @dataclass

@@ -71,14 +71,12 @@ def compare_explanations(
     Raises:
         OutOfTimeError: there was no time for any other hypothesis.
     """
-    best, times = ranked[0], problem.times
+    best = ranked[0]
     reached = samples == len(objective.recorded)
     if is_noise_inflated(problem, objective.noise, is_whole=reached):
         # A sensor fault can cause this. Laws that were fitted with such noise are not meaningful.
         reached, objective = False, replace(objective, noise=fit_noise(problem))
-    known = list(objective.forward_model.law.candidates)
-    local = replaced_terms(problem.system, problem.library, known, nominal.references[0], times)
-    everything = _with_candidates(objective, local, problem.config.discovery.weak)
+    everything, additions = _with_additions(problem, nominal, objective)
     if samples < len(objective.recorded):
         everything = everything.with_start(guess.start)
         null, phi = everything.subset(()), guess.z
@@ -99,14 +97,6 @@ def compare_explanations(
     ]
     best_fit = fits[0] if reached else empty
     rivals = [fit for fit in fits[1:] if fit.law.score < laws[0].score + AMBIGUITY_MARGIN]
-    additions = Additions(
-        global_count=len(known),
-        tendency_rms=_tendency_size(problem.system, nominal.references[0], times),
-        windowed_simulator=lambda: _with_windows(problem, [*known, *local]),
-        extended_candidates=lambda: build_extended_candidates(
-            problem.system, problem.library, nominal.references[0], times
-        ),
-    )
     comparison = compare_hypotheses(
         everything,
         best_fit,
@@ -121,6 +111,50 @@ def compare_explanations(
     if comparison.laws[0].parts != laws[0].parts:
         return comparison
     return _with_global_laws(comparison, laws, objective)
+
+
+def compare_source(
+    problem: Problem,
+    nominal: NominalRun,
+    objective: LeastSquaresProblem,
+    source: HypothesisFit,
+    empty: HypothesisFit,
+    report: Report,
+) -> Comparison:
+    """Compare a localised source, in the place of the best law, with all other hypotheses.
+
+    Args:
+        problem: recording and settings.
+        nominal: simulation that gives the scales of the terms.
+        objective: problem of all candidates over the whole record.
+        source: the law of the source.
+        empty: the uncorrected simulator.
+        report: progress.
+
+    Raises:
+        OutOfTimeError: there was no time for any other hypothesis.
+    """
+    everything, additions = _with_additions(problem, nominal, objective)
+    return compare_hypotheses(everything, source, empty, [], additions, problem.budget, report)
+
+
+def _with_additions(
+    problem: Problem, nominal: NominalRun, objective: LeastSquaresProblem
+) -> tuple[LeastSquaresProblem, Additions]:
+    """Return the problem with the terms that may act locally, and what may be added to it."""
+    states, times = nominal.references[0], problem.times
+    known = list(objective.forward_model.law.candidates)
+    local = replaced_terms(problem.system, problem.library, known, states, times)
+    everything = _with_candidates(objective, local, problem.config.discovery.weak)
+    additions = Additions(
+        global_count=len(known),
+        tendency_rms=tendency_size(problem.system, states, times),
+        windowed_simulator=lambda: _with_windows(problem, [*known, *local]),
+        extended_candidates=lambda: build_extended_candidates(
+            problem.system, problem.library, states, times
+        ),
+    )
+    return everything, additions
 
 
 def _with_global_laws(
@@ -156,7 +190,7 @@ def is_noise_inflated(problem: Problem, noise: NoiseModel, *, is_whole: bool = T
 
 def forcing_gain_on(fit: HypothesisFit, problem: Problem, nominal: NominalRun) -> float:
     """Return the evidence for a free forcing on top of a law."""
-    size = _tendency_size(problem.system, nominal.references[0], problem.times)
+    size = tendency_size(problem.system, nominal.references[0], problem.times)
     objective = replace(fit.objective, deadline=NEVER)
     return fit_free_forcing(objective, fit.phi, size)[1]
 
@@ -213,7 +247,7 @@ def _with_windows(problem: Problem, candidates: Sequence[Candidate]) -> Simulato
     return simulator_with(problem, candidates, window_shapes(problem.system))
 
 
-def _tendency_size(system: System, states: Tensor, times: Tensor) -> Tensor:
-    """Return the RMS of the right-hand side of each equation over a simulation, ``(equation,)``."""
+def tendency_size(system: System, states: Tensor, times: Tensor) -> Tensor:
+    """Return the rms of the right-hand side of each equation over a simulation, ``(equation,)``."""
     tendencies = [Term(field, system.equations[field]) for field in system.fields]
     return evaluate_terms(system, tendencies, states, times).flatten(1).square().mean(dim=1).sqrt()

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from dashred.core.budget import Budget
 from dashred.core.progress import Report
-from dashred.inference.fit.law import distinct_laws
+from dashred.inference.fit.law import Law, distinct_laws
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.hypotheses.comparison.backward_elimination import eliminate_terms
 from dashred.inference.hypotheses.comparison.comparison import Additions, Comparison
@@ -126,7 +126,7 @@ def compare_hypotheses(
             residual, additions, periodic_fits, budget, report
         )
         fits += more_fits
-    elif len(residual.best.law.candidates) >= MAX_SIMPLE_TERMS:
+    elif _may_be_local(residual.best.law):
         report(0.4, "fitting single terms in a window or beyond the library")
         fits += budget.attempt(
             "single terms in a window or beyond the library",
@@ -168,11 +168,17 @@ def compare_hypotheses(
     forcing_map, located = residual.forcing_map, laws[0].source
     if located is not None or forcing_gain > MIN_FORCING_GAIN:
         report(0.9, "mapping the forcing in space and time")
-        forcing_map, located = map_forcing(residual, forcing_gain), located or source.located
+        forcing_map = map_forcing(residual, forcing_gain, located)
+        located = located or source.located
     forced_noise = residual.full_problem.noise
     return Comparison(
         laws, uncorrected.law, noise, forced_noise, forcing_gain, forcing_map, located
     )
+
+
+def _may_be_local(law: Law) -> bool:
+    """Tell whether a single term in a window, or one beyond the library, may rival a law."""
+    return len(law.candidates) >= MAX_SIMPLE_TERMS or law.source is not None
 
 
 def _fit_periodic(

@@ -108,16 +108,25 @@ def _is_clear(
     return rival > score + REJECTION_MARGIN
 
 
-def map_forcing(residual: ResidualForcing, gain: float) -> ForcingMap | None:
+def map_forcing(
+    residual: ResidualForcing, gain: float, located: LocatedSource | None
+) -> ForcingMap | None:
     """Return the map of a smooth forcing on the uncorrected simulator.
 
     Args:
-        residual: the free forcings; without one on the uncorrected simulator there is no map.
+        residual: the free forcings. If they are on top of a law, there is a map only of a source
+            along one axis: the forcing then replaces this law.
         gain: evidence for a coarse forcing.
+        located: the source that explains the recording; None without one.
     """
     forcing = residual.forcings[0]
-    system = forcing.objective.forward_model.simulator.system
-    if forcing.objective.forward_model.law.count or not any(forcing.levels) or not system.axes:
+    model, levels = forcing.objective.forward_model, forcing.levels
+    system = model.simulator.system
+    if model.law.count:
+        if located is None or len(system.axes) != 1:
+            return residual.forcing_map
+        levels = tuple(float(field == located.equation) for field in system.fields)
+    if not any(levels) or not system.axes:
         return residual.forcing_map
-    smooth = fit_smooth_forcing(linearise_fine_forcing(forcing), forcing.levels)
+    smooth = fit_smooth_forcing(linearise_fine_forcing(forcing).without_law(), levels)
     return build_smooth_map(smooth, gain)

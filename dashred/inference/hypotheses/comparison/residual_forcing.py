@@ -207,6 +207,11 @@ def _choose_forcings(
 
 
 def _may_imitate(law: Law) -> bool:
-    """Tell whether a law has many terms, not all certain, so that it may imitate another law."""
+    """Tell whether a law has many terms, not all certain, so that it may imitate another law.
+
+    The terms of a source are the parts of its course.
+    """
+    if law.source is not None:
+        return False
     is_certain = bool((law.coefficients.abs() >= MIN_COEFFICIENT_RATIO * law.std).all())
     return len(law.candidates) > MAX_SIMPLE_TERMS and not is_certain

@@ -21,7 +21,7 @@ from dashred.inference.hypotheses.sources.smooth_forcing import (
     LinearisedForcing,
     linearise_fine_forcing,
 )
-from dashred.inference.hypotheses.sources.source_fit import SourceFit, fit_source
+from dashred.inference.hypotheses.sources.source_fit import TOLERANCE, SourceFit, fit_source
 from dashred.inference.hypotheses.windows.screening import profile_out
 from dashred.physics.expressions.algebra import Expr, multiply
 from dashred.physics.system import Term
@@ -71,8 +71,7 @@ def find_source(
         size: rms of each equation's own tendency, ``(equation,)``.
         candidate_count: number of terms tried before, for the penalty of the search.
     """
-    system = null.forward_model.simulator.system
-    if not system.axes:
+    if not null.forward_model.simulator.system.axes:
         return None
     [misfit], _ = null.values(null_phi[None])
     count = null.noise.count
@@ -83,32 +82,63 @@ def find_source(
         if not _is_compact(*screen_sources(coarse, equations, candidate_count), count):
             return None
     fine = linearise_fine_forcing(forcing).without_law()
-    screened, constant = screen_sources(fine, equations, candidate_count)
+    return best_source(null, fine, forcing, float(misfit), size, candidate_count)
+
+
+def best_source(
+    null: LeastSquaresProblem,
+    mesh: LinearisedForcing,
+    forcing: FreeForcing,
+    misfit: float,
+    size: Tensor,
+    candidate_count: int,
+    tolerance: float = TOLERANCE,
+) -> FoundSource | None:
+    """Return the best source on a mesh, fitted; None as in :func:`find_source`.
+
+    Args:
+        null: F of the start alone.
+        mesh: the linearised problem of a forcing without a law.
+        forcing: the forcing about whose trajectory it is linearised.
+        misfit: the minimum of F of the start alone.
+        size: rms of each equation's own tendency, ``(equation,)``.
+        candidate_count: number of terms tried before, for the penalty of the search.
+        tolerance: of the fits.
+    """
+    system, count = null.forward_model.simulator.system, null.noise.count
+    screened, constant = screen_sources(mesh, forcing.equations, candidate_count)
     if not _is_compact(screened, constant, count):
         return None
     bound = screened[0].score + NEAR * (constant - screened[0].score)
     promising = [each for each in screened if each.score < bound]
-    fit, penalty = _best_fit(null, forcing.phi[: null.modes], promising, size)
+    fit, penalty = _best_fit(null, forcing.phi[: null.modes], promising, size, tolerance)
     if fit.source.bump.width > WIDEST * min(axis.length for axis in system.axes):
         return None
-    share = 1 - max(fit.chi2 - count, 0.0) / max(float(misfit) - count, 1.0)
+    share = 1 - max(fit.chi2 - count, 0.0) / max(misfit - count, 1.0)
     return FoundSource(fit, penalty, share) if share > MIN_EXPLAINED_SHARE else None
 
 
-def refit_source(null: LeastSquaresProblem, found: FoundSource, size: Tensor) -> FoundSource:
+def refit_source(
+    null: LeastSquaresProblem, found: FoundSource, size: Tensor, tolerance: float = TOLERANCE
+) -> FoundSource:
     """Return a source refitted to other samples.
 
     Args:
         null: F of the start alone, with these samples.
         found: the source.
         size: rms of each equation's own tendency, ``(equation,)``.
+        tolerance: of the fit.
     """
-    fit = fit_source(null, found.fit.phi, found.fit.source, size)
+    fit = fit_source(null, found.fit.phi, found.fit.source, size, tolerance)
     return replace(found, fit=fit)
 
 
 def _best_fit(
-    null: LeastSquaresProblem, phi: Tensor, screened: Sequence[ScreenedSource], size: Tensor
+    null: LeastSquaresProblem,
+    phi: Tensor,
+    screened: Sequence[ScreenedSource],
+    size: Tensor,
+    tolerance: float,
 ) -> tuple[SourceFit, float]:
     """Return the fit of the best source and its penalty; the plainest courses are fitted first.
 
@@ -116,7 +146,7 @@ def _best_fit(
     """
     fits: list[tuple[SourceFit, float]] = []
     for each in sorted(screened, key=lambda each: each.penalty):
-        fits.append((fit_source(null, phi, each.source, size), each.penalty))
+        fits.append((fit_source(null, phi, each.source, size, tolerance), each.penalty))
         if fits[-1][0].chi2 < MAX_EXPLAINED_CHI2 * null.noise.count:
             break
     best, penalty = min(fits, key=lambda pair: pair[0].cost + pair[1])
@@ -124,7 +154,8 @@ def _best_fit(
     if isinstance(course, Periodic) and course.harmonics > 1:
         faster, amplitudes = course.second_harmonic(best.source.amplitudes)
         source = replace(best.source, course=faster, amplitudes=amplitudes)
-        fits.append((fit_source(null, best.phi, source, size), penalty - 2 * _penalty_of_one(null)))
+        fit = fit_source(null, best.phi, source, size, tolerance)
+        fits.append((fit, penalty - 2 * _penalty_of_one(null)))
     return min(fits, key=lambda pair: pair[0].cost + pair[1])
 
 

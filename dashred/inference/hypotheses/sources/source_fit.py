@@ -51,7 +51,13 @@ class SourceFit:
     covariance: Tensor
 
 
-def fit_source(base: LeastSquaresProblem, phi: Tensor, source: Source, size: Tensor) -> SourceFit:
+def fit_source(
+    base: LeastSquaresProblem,
+    phi: Tensor,
+    source: Source,
+    size: Tensor,
+    tolerance: float = TOLERANCE,
+) -> SourceFit:
     """Fit a source together with the start and a law.
 
     Args:
@@ -59,6 +65,7 @@ def fit_source(base: LeastSquaresProblem, phi: Tensor, source: Source, size: Ten
         phi: their unknowns at which the fit begins, ``(unknown,)``.
         source: the source at which the fit begins.
         size: rms of each equation's own tendency, ``(equation,)``.
+        tolerance: the fit ends at a step that lowers F by a smaller share.
     """
     problem = _SourceProblem(base, size)
     cost, chi2 = problem.cost(phi, source)
@@ -74,7 +81,7 @@ def fit_source(base: LeastSquaresProblem, phi: Tensor, source: Source, size: Ten
             if found < cost:
                 (phi, source), cost, chi2 = trial, found, misfit
                 break
-        if before - cost < TOLERANCE * cost:
+        if before - cost < tolerance * cost:
             break
     normal = problem.linearise(phi, source)
     covariance = normal.covariance(range(len(normal.phi)))[len(phi) :, len(phi) :]
