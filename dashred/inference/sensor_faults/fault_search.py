@@ -191,6 +191,25 @@ def estimate_faults(problem: FaultProblem, faults: Sequence[Fault]) -> FaultSet:
     return replace(whole.faults, parameters=tuple(parameters), covariances=tuple(covariances))
 
 
+def cost_without_worst(problem: FaultProblem, count: int) -> float:
+    """Return the smallest F of the linearised problem without its worst sensors.
+
+    No faults of so many sensors leave less, except for faults of sensors that look sound.
+
+    Args:
+        problem: a problem without faults.
+        count: number of sensors that are left out, one after the other.
+    """
+    linear, recorded = problem.linear, problem.objective.recorded
+    block = problem.objective.forward_model.sensors
+    removed = torch.zeros(recorded.shape, dtype=torch.bool)
+    for _ in range(count):
+        by_column = linear.misfit.reshape(recorded.shape).square().sum(dim=0)
+        removed[:, block.columns_of(int(by_column.argmax()))] = True
+        linear = problem.linear.without_rows(removed.flatten())
+    return linear.cost
+
+
 def without_samples(objective: LeastSquaresProblem, fault: Fault) -> LeastSquaresProblem:
     """Return F without the samples that a fault removes."""
     if fault.samples is None:

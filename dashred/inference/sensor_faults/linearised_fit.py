@@ -114,6 +114,11 @@ class LinearisedFit:
         kept = (~removed).to(self.target.dtype)
         return LinearisedFit(self.jacobian * kept[:, None], self.target * kept, self.precision)
 
+    @property
+    def misfit(self) -> Tensor:
+        """Residual of the samples at the minimum, ``(time·sensor,)``."""
+        return self._residual[: len(self.target)]
+
     def residual_without(self, rows: Tensor, others: Tensor) -> Tensor:
         """Return the target of some rows minus its prediction by other rows, both as masks."""
         jacobian, target = self.jacobian[others], self.target[others]

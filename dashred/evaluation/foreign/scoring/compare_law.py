@@ -23,6 +23,8 @@ TOLERANCE = 0.1
 WIDEST_INTERVAL = 0.3
 # Smallest intersection over union of a told and a hidden region.
 OVERLAP = 0.5
+# Share of the axis at both ends of a hidden region in which its term rises to its full size.
+EDGE = 0.03
 
 
 def is_exact(system: System, entries: Sequence[Mapping[str, Any]], truth: Truth) -> bool:
@@ -56,19 +58,23 @@ def _has_true_terms(system: System, entries: Sequence[Mapping[str, Any]], truth:
 def _is_exact_in_region(system: System, entries: Sequence[Mapping[str, Any]], truth: Truth) -> bool:
     """Return whether a law acts in the hidden region, and as the hidden term where both act.
 
-    Its coefficients have to be within the tolerance, or their intervals have to contain the truth.
+    They are compared where the hidden term has its full size, not at its smooth edges. The
+    coefficients have to be within the tolerance, or their intervals have to contain the truth.
     """
     assert truth.region is not None
     if not entries or not all(entry.get("region") for entry in entries):
         return False
     shape = (len(truth.times), *truth.states.shape[2:])
-    true = np.broadcast_to(box_mask(system, system.axes[0].name, truth.region), shape)
+    axis, (begin, end) = system.axes[0], truth.region
+    true = np.broadcast_to(box_mask(system, axis.name, truth.region), shape)
     for entry in entries:
         told = region_mask(system, entry["region"][0], truth)
         if (true * told).sum() < OVERLAP * np.maximum(true, told).sum():
             return False
+    edge = EDGE * axis.length
+    inner = np.broadcast_to(box_mask(system, axis.name, (begin + edge, end - edge)), shape)
     both = np.prod(
-        [true, *(region_mask(system, r, truth) for e in entries for r in e["region"])], axis=0
+        [inner, *(region_mask(system, r, truth) for e in entries for r in e["region"])], axis=0
     )
     parts = added_tendencies(system, entries, truth)
     if parts is None:

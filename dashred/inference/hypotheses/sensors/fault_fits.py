@@ -20,6 +20,7 @@ from dashred.inference.sensor_faults.fault import Fault
 from dashred.inference.sensor_faults.fault_search import (
     FaultProblem,
     FaultSet,
+    cost_without_worst,
     find_faults,
     largest_count,
     without_samples,
@@ -72,7 +73,11 @@ def fit_sensor_hypotheses(fit: HypothesisFit, bound: float) -> list[HypothesisFi
     objective, phi = fit.objective, fit.phi
     [cost], _ = objective.values(phi[None])
     penalty = fit.law.score - float(cost)
-    predicted = _predict(FaultProblem.at(objective, phi, fit.normal))
+    problem = FaultProblem.at(objective, phi, fit.normal)
+    least = cost_without_worst(problem, largest_count(objective))
+    if least > max(bound - penalty, MAX_MISFIT_SHARE * float(cost)):
+        return []
+    predicted = _predict(problem)
     if not predicted:
         return []
     limit = predicted[0].score + max(REJECTION_MARGIN, MARGIN_SHARE * predicted[0].cost)

@@ -122,6 +122,17 @@ def test_in_a_region_the_term_has_to_be_right_too() -> None:
     assert not is_exact(system, [term("u", "u", -0.4)], hidden)
 
 
+def test_the_edges_of_a_region_are_not_compared() -> None:
+    """A hidden term rises smoothly at its edges; a told region begins and ends at once."""
+    region = [{"axis": "x", "from": 3.0, "to": 6.0}]
+    system, truth = system_of(RING), ring_truth(0.0, 9.99)
+    places = np.arange(40) / 4
+    rise = 0.5 * (np.tanh((places - 3.0) / 0.1) - np.tanh((places - 6.0) / 0.1))
+    hidden = replace(truth, hidden=truth.hidden * rise, region=(3.0, 6.0))
+    assert is_exact(system, [term("u", "u", -0.4, region=region)], hidden)
+    assert not is_exact(system, [term("u", "u", -0.5, region=region)], hidden)
+
+
 @pytest.mark.parametrize(
     ("interval", "exact"),
     [([-0.55, -0.38], True), ([-0.55, -0.42], False), ([-0.9, -0.1], False)],
