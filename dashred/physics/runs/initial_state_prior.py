@@ -20,6 +20,9 @@ from dashred.physics.solvers.simulate import Progress, check_finite, simulate
 from dashred.physics.system import System
 
 MIN_VARIANCE = 1e-12
+# Share of the variance of a spread that an analysis may omit: every mode is a column of each
+# Jacobian. Omitted is 1 % of the spread.
+OMITTED = 1e-4
 
 
 def nominal_start(system: System, progress: Progress | None = None) -> Tensor:
@@ -80,15 +83,41 @@ def gaussian_process_modes(grid: Grid, length: float, count: int | None) -> Tens
         length: correlation length ℓ, in the axes' unit.
         count: number of modes to keep, the strongest first; None for all.
     """
-    found: list[tuple[float, Tensor]] = []
+    strongest = _powers(grid, length)
+    whole = sum(power for power, _ in strongest)
+    kept = strongest[:count]
+    return torch.stack([_wave(grid, k) * math.sqrt(power / whole) for power, k in kept])
+
+
+def fitted_modes(system: System) -> int:
+    """Return how many modes of a random start are fitted: as stated, or nearly all of its variance.
+
+    The latter omits 1 % of the spread.
+    """
+    stated = system.config.spread.get("modes")
+    if stated is not None:
+        return int(stated)
+    powers = np.array([power for power, _ in _powers(system.grid, spread_length(system))])
+    last = np.count_nonzero(powers.cumsum() < (1 - OMITTED) * powers.sum())
+    # Waves that differ in direction and phase alone have the same power: all of them or none.
+    return int(np.count_nonzero(powers > 0.999 * powers[last]))
+
+
+def spread_length(system: System) -> float:
+    """Return the correlation length of a random start: stated, or a tenth of the longest axis."""
+    longest = max((axis.length for axis in system.axes), default=1)
+    return float(system.config.spread.get("length", 0.1 * longest))
+
+
+def _powers(grid: Grid, length: float) -> list[tuple[float, list[float]]]:
+    """Return the variance and the wave vector of every mode, the strongest first."""
+    found = []
     for numbers in product(*map(_wavenumbers, grid.axes)):
         k = [2 * math.pi * m / a.period for m, a in zip(numbers, grid.axes, strict=True)]
         power = math.exp(-sum(component**2 for component in k) * length**2 / 2)
         if power > MIN_VARIANCE:
-            found.append((power, _wave(grid, k)))
-    whole = sum(power for power, _ in found)
-    strongest = sorted(found, key=lambda pair: -pair[0])[:count]
-    return torch.stack([wave * math.sqrt(power / whole) for power, wave in strongest])
+            found.append((power, k))
+    return sorted(found, key=lambda pair: -pair[0])
 
 
 def _wavenumbers(axis: Axis) -> range:
@@ -144,8 +173,7 @@ class StartPrior:
         self.system, self.centre = system, centre
         spread = system.config.spread
         self.moves = self._moves(dict(spread))
-        length = float(spread.get("length", 0.1 * max((a.length for a in system.axes), default=1)))
-        self.basis = gaussian_process_modes(system.grid, length, modes)
+        self.basis = gaussian_process_modes(system.grid, spread_length(system), modes)
         self.shared = spread.get("kind") == "gaussian-process"
         self.rms, self.kept = rms, modes
         self.size = len(self.basis) * (1 if self.shared else len(self.moves))

@@ -11,7 +11,12 @@ from torch import Tensor
 
 from dashred.core.errors import InputError
 from dashred.physics.library import check_collinear, uninformative_terms
-from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
+from dashred.physics.runs.initial_state_prior import (
+    StartPrior,
+    field_rms,
+    fitted_modes,
+    nominal_start,
+)
 from dashred.physics.runs.resolution import (
     doubling_error,
 )
@@ -78,8 +83,7 @@ def run_nominal(context: CheckContext) -> NominalRun:
         count = max(MIN_SAMPLES, finite // 2)
         path = path[:, :count]
     check_finite(path, times[:count], system)
-    modes = system.config.spread.get("modes")
-    prior = StartPrior(system, start[0], field_rms(path[0]), None if modes is None else int(modes))
+    prior = StartPrior(system, start[0], field_rms(path[0]), fitted_modes(system))
     sample_seconds = min(each, seconds / (count - 1))
     return NominalRun(prior, path[0], times[:count], sample_seconds, blows_up)
 

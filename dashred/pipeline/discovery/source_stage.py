@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from torch import Tensor
 
+from dashred.core.budget import NEVER
 from dashred.core.progress import Report, stage
 from dashred.inference.fit.first_window import first_samples
 from dashred.inference.fit.law import build_law
@@ -15,7 +16,7 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.simulator import Simulator
-from dashred.inference.hypotheses.comparison.noise_reestimation import noise_left_by
+from dashred.inference.hypotheses.comparison.comparison import Comparison
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.result import BestOfSize, Discovery
 from dashred.inference.hypotheses.sources.early_source import find_early_source
@@ -87,16 +88,23 @@ def discover_source(
     Returns:
         The findings; None if the recording is not explained.
     """
-    objective = replace(objective, deadline=problem.deadline("compare hypotheses"))
     size = tendency_size(problem.system, nominal.references[0], problem.times)
     with stage("compare hypotheses", seconds) as report:
         fit = _fit_with_own_noise(objective.subset(()), nominal, source, size)
         objective = replace(objective, noise=fit.objective.noise)
         objective = objective.with_start(fit.objective.forward_model.start)
-        null = objective.subset(())
-        fitted = minimise(null, fit.phi[: null.modes], STEPS, TOLERANCE)
+        deadline = problem.deadline("compare hypotheses")
+        objective = replace(objective, deadline=deadline)
+        null = replace(objective.subset(()), deadline=NEVER)
+        steps = 0 if deadline.is_over else STEPS
+        fitted = minimise(null, fit.phi[: null.modes], steps, TOLERANCE)
+        null = replace(null, deadline=deadline)
         empty = HypothesisFit(build_law(null, fitted, fitted.cost), null, fitted.phi)
-        comparison = compare_source(problem, nominal, objective, fit, empty, report)
+        comparison = problem.budget.attempt(
+            "all other causes",
+            lambda: compare_source(problem, nominal, objective, fit, empty, report),
+            _uncompared(objective, fit, empty),
+        )
         report(1.0, str(comparison.laws[0]))
     if not is_record_explained(problem, comparison):
         return None
@@ -121,6 +129,13 @@ def discover_source(
     )
 
 
+def _uncompared(
+    objective: LeastSquaresProblem, fit: HypothesisFit, empty: HypothesisFit
+) -> Comparison:
+    noise, source = objective.noise, fit.law.source
+    return Comparison([fit.law, empty.law], empty.law, noise, noise, 0.0, None, source)
+
+
 def _fit_with_own_noise(
     null: LeastSquaresProblem, nominal: NominalRun, source: FoundSource, size: Tensor
 ) -> HypothesisFit:
@@ -129,13 +144,13 @@ def _fit_with_own_noise(
     The prior is used if a fit with it follows the recording as well (:func:`fit_near_prior`).
     """
     exact = refit_source(null, source, size)
-    law = fit_source_law(null, exact, size)
-    near = fit_near_prior(nominal.start, law.objective, law.phi, MAX_LAW_RATIO)
-    if near is not None:
-        null = null.with_start(nominal.start)
-        start = near[1].phi[: null.modes]
-        exact = refit_source(null, replace(exact, fit=replace(exact.fit, phi=start)), size)
+    if null.forward_model.start is not nominal.start:
         law = fit_source_law(null, exact, size)
-    noise = replace(noise_left_by(law), available=null.noise.available)
+        near = fit_near_prior(nominal.start, law.objective, law.phi, MAX_LAW_RATIO)
+        if near is not None:
+            null = null.with_start(nominal.start)
+            start = near[1].phi[: null.modes]
+            exact = refit_source(null, replace(exact, fit=replace(exact.fit, phi=start)), size)
+    noise = replace(exact.fit.noise(), available=null.noise.available)
     null = replace(null, noise=noise)
     return fit_source_law(null, refit_source(null, exact, size), size)

@@ -11,7 +11,12 @@ from torch import Tensor
 from dashred.core.progress import stage
 from dashred.inference.forward.episodes import EpisodeStarts
 from dashred.inference.initial_state.start_models import StartModel
-from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
+from dashred.physics.runs.initial_state_prior import (
+    StartPrior,
+    field_rms,
+    fitted_modes,
+    nominal_start,
+)
 from dashred.physics.solvers.simulate import check_finite, simulate
 from dashred.physics.system import System
 from dashred.pipeline.problem import Problem
@@ -84,5 +89,4 @@ def simulate_nominal(problem: Problem, seconds: dict[str, float]) -> NominalRun:
 
 def _prior(system: System, centre: Tensor, states: Tensor) -> StartPrior:
     """Return the prior of the start; a spread in percent refers to states, ``(time, …)``."""
-    modes = system.config.spread.get("modes")
-    return StartPrior(system, centre, field_rms(states), None if modes is None else int(modes))
+    return StartPrior(system, centre, field_rms(states), fitted_modes(system))

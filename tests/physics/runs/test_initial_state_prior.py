@@ -12,6 +12,7 @@ from dashred.core.errors import InputError
 from dashred.physics.grids.grid import Axis, Grid
 from dashred.physics.runs.initial_state_prior import (
     StartPrior,
+    fitted_modes,
     gaussian_process_modes,
     nominal_start,
 )
@@ -127,3 +128,24 @@ def test_without_a_spread_the_start_is_known(burgers):
     prior = StartPrior(burgers, centre, torch.ones(1).double(), None)
     drawn = prior.draw(3, np.random.default_rng(0))
     torch.testing.assert_close(drawn, centre.expand(3, 1, 64))
+
+
+def test_an_analysis_fits_nearly_all_of_the_variance(reaction):
+    centre, rms = nominal_start(reaction)[0], torch.ones(2).double()
+    count = fitted_modes(reaction)
+    every, few = (StartPrior(reaction, centre, rms, n).basis for n in (None, count))
+    assert len(few) == count < len(every)
+    variance = every.square().sum(dim=0).mean()
+    assert 0 < 1 - float(few.square().sum(dim=0).mean() / variance) < 1e-4
+
+
+def test_waves_of_the_same_power_are_kept_together(reaction):
+    centre, rms = nominal_start(reaction)[0], torch.ones(2).double()
+    every = StartPrior(reaction, centre, rms, None).basis
+    powers = every.flatten(1).square().mean(dim=1)
+    count = fitted_modes(reaction)
+    assert powers[count] < 0.99 * powers[count - 1]
+
+
+def test_a_stated_number_of_modes_is_kept(make_system):
+    assert fitted_modes(make_system(SHARED % "k")) == 9

@@ -177,8 +177,13 @@ def compare_hypotheses(
 
 
 def _may_be_local(law: Law) -> bool:
-    """Tell whether a single term in a window, or one beyond the library, may rival a law."""
-    return len(law.candidates) >= MAX_SIMPLE_TERMS or law.source is not None
+    """Tell whether a single term in a window, or one beyond the library, may rival a law.
+
+    A term of a field that hardly changes is like a steady source, but not like one that changes.
+    """
+    if law.source is not None:
+        return law.source.is_steady
+    return len(law.candidates) >= MAX_SIMPLE_TERMS
 
 
 def _fit_periodic(

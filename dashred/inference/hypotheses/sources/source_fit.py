@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
+from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.hypotheses.sources.courses import slopes
 from dashred.inference.hypotheses.sources.screening import Source
@@ -35,12 +37,14 @@ class SourceFit:
 
     Attributes:
         source: the source.
-        objective: F of the start, the law, and the forcing of :func:`_forcing_of`.
+        objective: F of the start, the law, and the source, whose slopes are further amplitudes.
         phi: unknowns of the start and of the law, ``(unknown,)``.
         cost: F at the minimum.
         chi2: the part of F that is the misfit.
-        covariance: of the amplitudes, then the place, ln of the width and the unknowns of the
-            course, ``(unknown, unknown)``.
+        readings: at the minimum, ``(time, sensor)``.
+        normal: F linearised at the minimum or one small step before it, in the unknowns of the
+            start and of the law, the amplitudes, the place, ln of the width and the unknowns of the
+            course.
     """
 
     source: Source
@@ -48,7 +52,19 @@ class SourceFit:
     phi: Tensor
     cost: float
     chi2: float
-    covariance: Tensor
+    readings: Tensor
+    normal: NormalEquations
+
+    @property
+    def covariance(self) -> Tensor:
+        """Covariance of the amplitudes and of the unknowns after them, ``(unknown, unknown)``."""
+        own = len(self.phi)
+        return self.normal.covariance(range(len(self.normal.phi)))[own:, own:]
+
+    def noise(self) -> NoiseModel:
+        """Estimate the noise from the residuals."""
+        spent = self.normal.effective_parameters(range(len(self.normal.phi)))
+        return self.objective.estimate_noise(self.readings, spent)
 
 
 def fit_source(
@@ -68,24 +84,35 @@ def fit_source(
         tolerance: the fit ends at a step that lowers F by a smaller share.
     """
     problem = _SourceProblem(base, size)
-    cost, chi2 = problem.cost(phi, source)
+    point = problem.at(phi, source)
     for _ in range(ROUNDS):
-        normal = problem.linearise(phi, source)
+        normal = problem.linearise(point.phi, point.source)
         if not normal.is_finite:
             break
-        step = _step(normal, base, source, phi)
-        before = cost
+        step = _step(normal, base, point.source, point.phi)
+        before = point.cost
         for share in SHARES:
-            trial = phi + share * step[: len(phi)], problem.moved(source, share * step[len(phi) :])
-            found, misfit = problem.cost(*trial)
-            if found < cost:
-                (phi, source), cost, chi2 = trial, found, misfit
+            moved = problem.moved(point.source, share * step[len(phi) :])
+            trial = problem.at(point.phi + share * step[: len(phi)], moved)
+            if trial.cost < point.cost:
+                point = trial
                 break
-        if before - cost < tolerance * cost:
+        if before - point.cost < tolerance * point.cost:
             break
-    normal = problem.linearise(phi, source)
-    covariance = normal.covariance(range(len(normal.phi)))[len(phi) :, len(phi) :]
-    return SourceFit(source, problem.objective(source), phi, cost, chi2, covariance)
+    objective = problem.objective(point.source)
+    return SourceFit(
+        point.source, objective, point.phi, point.cost, point.chi2, point.readings, normal
+    )
+
+
+class _Point(NamedTuple):
+    """Unknowns of the start and the law, a source, and F, its misfit and the readings there."""
+
+    phi: Tensor
+    source: Source
+    cost: float
+    chi2: float
+    readings: Tensor
 
 
 def _step(
@@ -118,16 +145,18 @@ class _SourceProblem:
         forced = replace(model, forcing=block)
         return self.base.with_unknowns(forced, stds)
 
-    def cost(self, phi: Tensor, source: Source) -> tuple[float, float]:
-        """Return F, and the part of it that is the misfit."""
+    def at(self, phi: Tensor, source: Source) -> _Point:
+        """Return F, the part of it that is the misfit, and the readings at a point."""
         objective = self.objective(source)
         whole = torch.cat([phi, self._amplitudes(source).flatten()])
         _, trials = objective.values(whole[None])
         chi2 = float(trials.residuals.square().sum())
         std = source.amplitude_std(self.system, self.size)
         prior = float(self.base.penalty(phi)) + float((source.amplitudes / std).square().sum())
-        found = chi2 + prior
-        return (found, chi2) if math.isfinite(found) else (math.inf, math.inf)
+        cost = chi2 + prior
+        if not math.isfinite(cost):
+            cost = chi2 = math.inf
+        return _Point(phi, source, cost, chi2, trials.readings[0])
 
     def linearise(self, phi: Tensor, source: Source) -> NormalEquations:
         """Return F linearised in start, law, amplitudes, place, ln of the width, and course."""
