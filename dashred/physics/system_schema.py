@@ -113,8 +113,8 @@ class System:
     """Prior standard deviation of the initial state. Either per field, as a number or a share of
     its rms such as 10%, smooth over a correlation ``length``; or one smooth random function g that
     perturbs several fields: ``kind: gaussian-process`` with ``length``, number of ``modes``, and
-    ``apply``, the expression in g of each perturbed field. A field that is not listed starts
-    exactly as given."""
+    ``apply``, the expression in g of each perturbed field. Without ``modes``, as many are fitted as
+    hold all but 1e-4 of the variance. A field that is not listed starts exactly as given."""
 
     energy: str | None = None
     """Energy of the system as an expression in fields, parameters and lets. The report gives the

@@ -192,9 +192,10 @@ def estimate_faults(problem: FaultProblem, faults: Sequence[Fault]) -> FaultSet:
 
 
 def cost_without_worst(problem: FaultProblem, count: int) -> float:
-    """Return the smallest F of the linearised problem without its worst sensors.
+    """Return F of the linearised problem without its worst sensors, plus 1 for each reading of them.
 
-    No faults of so many sensors leave less, except for faults of sensors that look sound.
+    No faults of so many sensors leave less, except for faults of sensors that look sound: beside a
+    fault, the noise of each reading is left.
 
     Args:
         problem: a problem without faults.
@@ -202,12 +203,12 @@ def cost_without_worst(problem: FaultProblem, count: int) -> float:
     """
     linear, recorded = problem.linear, problem.objective.recorded
     block = problem.objective.forward_model.sensors
-    removed = torch.zeros(recorded.shape, dtype=torch.bool)
+    removed, seen = torch.zeros(recorded.shape, dtype=torch.bool), problem.objective.noise.available
     for _ in range(count):
         by_column = linear.misfit.reshape(recorded.shape).square().sum(dim=0)
         removed[:, block.columns_of(int(by_column.argmax()))] = True
         linear = problem.linear.without_rows(removed.flatten())
-    return linear.cost
+    return linear.cost + float((removed & seen).sum())
 
 
 def without_samples(objective: LeastSquaresProblem, fault: Fault) -> LeastSquaresProblem:
