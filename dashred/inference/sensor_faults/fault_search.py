@@ -192,7 +192,7 @@ def estimate_faults(problem: FaultProblem, faults: Sequence[Fault]) -> FaultSet:
 
 
 def cost_without_worst(problem: FaultProblem, count: int) -> float:
-    """Return F of the linearised problem without its worst sensors, plus 1 for each reading of them.
+    """Return F of the linearised problem without its worst sensors, plus 1 for each lost reading.
 
     No faults of so many sensors leave less, except for faults of sensors that look sound: beside a
     fault, the noise of each reading is left.
