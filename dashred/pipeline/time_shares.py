@@ -15,7 +15,7 @@ ENDS = {
     "train SHRED": 0.46,
     "assimilate": 0.5,
     "fit the first guesses": 0.58,
-    "look for a source": 0.66,
+    "look for a local cause": 0.66,
     "grow the horizon": 0.71,
     "select the law": 0.76,
     "fit the law to the end": 0.78,

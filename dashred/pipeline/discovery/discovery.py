@@ -44,11 +44,14 @@ from dashred.pipeline.discovery.least_squares import (
     exact_simulator,
 )
 from dashred.pipeline.discovery.library_choice import is_explained
+from dashred.pipeline.discovery.local_cause_stage import (
+    discover_local_cause,
+    find_local_cause,
+)
 from dashred.pipeline.discovery.prior_start import select_near_prior
 from dashred.pipeline.discovery.segment_horizon import follow_segments
 from dashred.pipeline.discovery.segment_stage import discover_in_segments, with_few_terms
 from dashred.pipeline.discovery.selected_laws import MAX_RIVALS, best_by_size, fit_best
-from dashred.pipeline.discovery.source_stage import discover_source, find_source_first
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.training import TrainedNetwork
@@ -110,18 +113,23 @@ def discover(
                 errors = ", ".join(f"{g.name} {g.error:.2f}" for g in guesses)
                 report(1.0, f"{errors} σ error at the sensors")
             if problem.system.axes:
-                with stage("look for a source", seconds) as report:
-                    source = find_source_first(
-                        problem, nominal, coarse, candidates, guesses[0], report
+                begin = guesses[0]
+                objective = build_least_squares(problem, simulator, begin.start, candidates, weak)
+                with stage("look for a local cause", seconds) as report:
+                    cause = problem.budget.attempt(
+                        "a local cause before any law",
+                        lambda: find_local_cause(
+                            problem, nominal, objective, coarse, begin, report
+                        ),
+                        None,
                     )
-                    report(1.0, "none" if source is None else "a source explains the recording")
-                if source is not None:
-                    objective = build_least_squares(
-                        problem, simulator, guesses[0].start, candidates, weak
+                    report(1.0, "none" if cause is None else str(cause.law))
+                if cause is not None:
+                    local = discover_local_cause(
+                        problem, nominal, objective, cause, guesses, seconds
                     )
-                    located = discover_source(problem, nominal, objective, source, guesses, seconds)
-                    if located is not None:
-                        return located
+                    if local is not None:
+                        return local
             with stage("grow the horizon", seconds) as report:
                 guess, horizon = fit_from_first_guesses(
                     problem, coarse, candidates, guesses, report

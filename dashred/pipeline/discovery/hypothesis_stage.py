@@ -113,21 +113,21 @@ def compare_explanations(
     return _with_global_laws(comparison, laws, objective)
 
 
-def compare_source(
+def compare_local_cause(
     problem: Problem,
     nominal: NominalRun,
     objective: LeastSquaresProblem,
-    source: HypothesisFit,
+    cause: HypothesisFit,
     empty: HypothesisFit,
     report: Report,
 ) -> Comparison:
-    """Compare a localised source, in the place of the best law, with all other hypotheses.
+    """Compare a local cause, in the place of the best law, with all other hypotheses.
 
     Args:
         problem: recording and settings.
         nominal: simulation that gives the scales of the terms.
         objective: problem of all candidates over the whole record.
-        source: the law of the source.
+        cause: the law of the cause.
         empty: the uncorrected simulator.
         report: progress.
 
@@ -135,7 +135,16 @@ def compare_source(
         OutOfTimeError: there was no time for any other hypothesis.
     """
     everything, additions = _with_additions(problem, nominal, objective)
-    return compare_hypotheses(everything, source, empty, [], additions, problem.budget, report)
+    return compare_hypotheses(everything, cause, empty, [], additions, problem.budget, report)
+
+
+def with_windows(
+    problem: Problem, nominal: NominalRun, objective: LeastSquaresProblem
+) -> LeastSquaresProblem:
+    """Return the problem with the terms that may act locally, and windows for all terms."""
+    everything, additions = _with_additions(problem, nominal, objective)
+    simulator = additions.windowed_simulator()
+    return replace(everything, forward_model=replace(everything.forward_model, simulator=simulator))
 
 
 def _with_additions(
@@ -149,7 +158,7 @@ def _with_additions(
     additions = Additions(
         global_count=len(known),
         tendency_rms=tendency_size(problem.system, states, times),
-        windowed_simulator=lambda: _with_windows(problem, [*known, *local]),
+        windowed_simulator=lambda: _windowed_simulator(problem, [*known, *local]),
         extended_candidates=lambda: build_extended_candidates(
             problem.system, problem.library, states, times
         ),
@@ -243,7 +252,7 @@ def _with_candidates(
     )
 
 
-def _with_windows(problem: Problem, candidates: Sequence[Candidate]) -> Simulator:
+def _windowed_simulator(problem: Problem, candidates: Sequence[Candidate]) -> Simulator:
     return simulator_with(problem, candidates, window_shapes(problem.system))
 
 

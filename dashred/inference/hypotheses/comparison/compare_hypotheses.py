@@ -183,7 +183,7 @@ def _may_be_local(law: Law) -> bool:
     """
     if law.source is not None:
         return law.source.is_steady
-    return len(law.candidates) >= MAX_SIMPLE_TERMS
+    return law.window is not None or len(law.candidates) >= MAX_SIMPLE_TERMS
 
 
 def _fit_periodic(

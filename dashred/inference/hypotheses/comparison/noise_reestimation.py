@@ -25,6 +25,13 @@ def estimate_noise_under_forcing(forcing: FreeForcing) -> NoiseModel:
     return replace(objective.estimate_noise(readings, spent), available=objective.noise.available)
 
 
+def noise_left_by(fit: HypothesisFit) -> NoiseModel:
+    """Estimate the noise from the residuals of a hypothesis."""
+    [readings] = fit.objective.forward_model.readings(*fit.objective.split(fit.phi[None]))
+    spent = fit.normal.effective_parameters(range(len(fit.phi)))
+    return fit.objective.estimate_noise(readings, spent)
+
+
 def refit_under_best_noise(fits: Sequence[HypothesisFit]) -> list[HypothesisFit]:
     """Refit all plausible hypotheses under the noise that the best one leaves.
 
@@ -32,10 +39,7 @@ def refit_under_best_noise(fits: Sequence[HypothesisFit]) -> list[HypothesisFit]
     noise would hide lower minima of the best hypothesis.
     """
     best = min(fits, key=by_score)
-    [readings] = best.objective.forward_model.readings(*best.objective.split(best.phi[None]))
-    noise = best.objective.estimate_noise(
-        readings, best.normal.effective_parameters(range(len(best.phi)))
-    )
+    noise = noise_left_by(best)
     bound = best.law.score + REJECTION_MARGIN
     plausible = [fit for fit in fits if fit.law.score < bound or not fit.law.parts]
     refits = [refit_under_noise(fit, noise) for fit in plausible]

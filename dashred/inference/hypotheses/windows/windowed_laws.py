@@ -69,15 +69,15 @@ def fit_windowed_laws(
     forward_model = forcing.objective.forward_model
     states = forward_model.sampled_states(*forcing.objective.split(forcing.phi))
     screened = screen(objective, global_count, windowed, forcing, states)
-    plausible = [each for each in screened if _predicted_score(objective, each) < bound]
-    ranked = sorted(plausible, key=lambda each: _predicted_score(objective, each))
-    chosen = _select_diverse(ranked, MAX_OF_LAW, MAX_TRIALS)
+    plausible = [each for each in screened if predicted_score(objective, each) < bound]
+    ranked = sorted(plausible, key=lambda each: predicted_score(objective, each))
+    chosen = select_diverse(ranked, MAX_OF_LAW, MAX_TRIALS)
     z = forcing.phi[: objective.modes]
     trials = _fit_trials(objective, chosen, z)
     best = min((trial.score for trial in trials), default=null_score)
     bound = min(best + REJECTION_MARGIN, null_score)
     finalists = [trial for trial in _select_finalists(trials) if trial.score < bound]
-    fits = in_time(_fit_until_convergence, finalists)
+    fits = in_time(fit_until_convergence, finalists)
     pairs = [(trial.hypothesis, fit) for trial, fit in zip(finalists, fits, strict=False)]
     if pairs:
         fits += _fit_terms_alone(objective, *min(pairs, key=lambda pair: by_score(pair[1])))
@@ -111,14 +111,14 @@ def _fit_terms_alone(
         j, coefficient = term
         part = Hypothesis((j,))
         begin = first_unknowns(z, [coefficient], None)
-        penalty = _penalty(objective, part)
+        penalty = penalty_of(objective, part)
         trial = fit_trial(objective, part, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
-        return _fit_until_convergence(trial)
+        return fit_until_convergence(trial)
 
     return in_time(fit_alone, zip(hypothesis.global_terms, xi.tolist(), strict=False))
 
 
-def _select_diverse(
+def select_diverse(
     ranked: Iterable[ScreenedHypothesis], max_of_law: int, max_count: int
 ) -> list[ScreenedHypothesis]:
     """Return the best hypotheses, but only a few of one kind, and of one kind and law."""
@@ -148,47 +148,57 @@ def _fit_trials(
     """
 
     def is_lost(screened: ScreenedHypothesis, trial: HypothesisTrial) -> bool:
-        return trial.score > _predicted_score(objective, screened) + objective.noise.count
+        return trial.score > predicted_score(objective, screened) + objective.noise.count
 
     first, rest = chosen[:PROBES], chosen[PROBES:]
-    trials = in_time(partial(_fit_screened, objective, z=z), first)
+    trials = in_time(partial(fit_screened, objective, z=z), first)
     regrown = [each for each, trial in zip(first, trials, strict=False) if is_lost(each, trial)]
     if len(regrown) < len(first):
-        trials += in_time(partial(_fit_screened, objective, z=z), rest)
+        trials += in_time(partial(fit_screened, objective, z=z), rest)
     else:
-        regrown = _select_diverse(chosen, 1, MAX_REGROWN)
+        regrown = select_diverse(chosen, 1, MAX_REGROWN)
     samples = round(len(objective.recorded) * FIRST_SHARE)
-    return trials + in_time(partial(_fit_screened, objective, z=z, samples=samples), regrown)
+    return trials + in_time(partial(fit_screened, objective, z=z, samples=samples), regrown)
 
 
-def _predicted_score(objective: LeastSquaresProblem, screened: ScreenedHypothesis) -> float:
+def predicted_score(objective: LeastSquaresProblem, screened: ScreenedHypothesis) -> float:
     """Return the score predicted by the linearised problem."""
-    return screened.cost + _penalty(objective, screened.hypothesis)
+    return screened.cost + penalty_of(objective, screened.hypothesis)
 
 
-def _penalty(objective: LeastSquaresProblem, hypothesis: Hypothesis) -> float:
+def penalty_of(objective: LeastSquaresProblem, hypothesis: Hypothesis) -> float:
+    """Return the penalty of a hypothesis in the problem of all candidates."""
     windows = len(objective.forward_model.simulator.shapes)
     count = len(objective.prior_std)
     return hypothesis.penalty(objective.noise.effective_count, count, windows)
 
 
-def _fit_screened(
+def fit_screened(
     objective: LeastSquaresProblem,
     screened: ScreenedHypothesis,
     z: Tensor,
     samples: int | None = None,
 ) -> HypothesisTrial:
+    """Fit a hypothesis for a few steps, from its minimum on the linearised problem.
+
+    Args:
+        objective: F of all candidates.
+        screened: the hypothesis.
+        z: unknowns of the start at which the fit begins.
+        samples: first samples of a growing horizon; None fits all samples at once.
+    """
     hypothesis = screened.hypothesis
     begin = first_unknowns(z, screened.coefficients, hypothesis.guess)
     if samples is not None:
         begin = minimise_growing_horizon(
             build_problem(objective, hypothesis), begin, samples, GROWTH
         )
-    penalty = _penalty(objective, hypothesis)
+    penalty = penalty_of(objective, hypothesis)
     return fit_trial(objective, hypothesis, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
 
 
-def _fit_until_convergence(trial: HypothesisTrial) -> HypothesisFit:
+def fit_until_convergence(trial: HypothesisTrial) -> HypothesisFit:
+    """Return a trial fitted until convergence."""
     problem, before = trial.objective, trial.fitted
     fitted = minimise_in_rounds(problem, before.phi, LAST_STEPS, LAST_TOLERANCE, AMBIGUITY_MARGIN)
     score = trial.score - before.cost + fitted.cost

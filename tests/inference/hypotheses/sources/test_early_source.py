@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from dashred.core.budget import Deadline, OutOfTimeError
+from dashred.inference.hypotheses.first_part import find_first_part
 from dashred.inference.hypotheses.sources.bump import Bump
 from dashred.inference.hypotheses.sources.early_source import find_early_source
 from dashred.inference.hypotheses.sources.find_source import FoundSource
@@ -22,7 +23,10 @@ def search(channel: Channel, hidden: list[tuple[str, float]], seed: int = 0) -> 
     """Search in a recording under hidden terms, from the start that the simulator states."""
     null = channel.objective(channel.recorded(hidden, seed))
     phi = torch.zeros(null.modes, dtype=torch.float64)
-    return find_early_source(null, phi, FIRST, channel.size, 4, lambda share, text: None)
+    part = find_first_part(null, phi, FIRST, channel.size)
+    if part is None:
+        return None
+    return find_early_source(null, part, channel.size, 4, lambda share, text: None)
 
 
 def bump_times(channel: Channel, course: str) -> str:
@@ -61,4 +65,4 @@ def test_the_search_keeps_its_deadline(channel: Channel) -> None:
     late = replace(null, deadline=Deadline(-math.inf))
     phi = torch.zeros(null.modes, dtype=torch.float64)
     with pytest.raises(OutOfTimeError):
-        find_early_source(late, phi, FIRST, channel.size, 4, lambda share, text: None)
+        find_first_part(late, phi, FIRST, channel.size)

@@ -1,4 +1,4 @@
-"""Look for a localised source before any law is selected, and compare it with other causes."""
+"""Look for a cause at one place before any law is selected, and compare it with other causes."""
 
 from __future__ import annotations
 
@@ -14,96 +14,108 @@ from dashred.inference.fit.first_window import first_samples
 from dashred.inference.fit.law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.comparison.comparison import Comparison
-from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
+from dashred.inference.hypotheses.comparison.noise_reestimation import (
+    noise_left_by,
+    refit_under_noise,
+)
+from dashred.inference.hypotheses.first_part import find_first_part
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, replace_minimum
 from dashred.inference.hypotheses.result import BestOfSize, Discovery
 from dashred.inference.hypotheses.sources.early_source import find_early_source
 from dashred.inference.hypotheses.sources.find_source import FoundSource, refit_source
 from dashred.inference.hypotheses.sources.source_law import fit_source_law
+from dashred.inference.hypotheses.windows.early_window import find_early_window
 from dashred.pipeline.discovery.first_guess_stage import FittedGuess
 from dashred.pipeline.discovery.hypothesis_stage import (
-    compare_source,
+    compare_local_cause,
     is_record_explained,
     tendency_size,
+    with_windows,
 )
-from dashred.pipeline.discovery.least_squares import build_least_squares
 from dashred.pipeline.discovery.prior_start import MAX_LAW_RATIO, fit_near_prior
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
 
-# The fit without the source needs little accuracy, because its misfit is large.
+# The fit without the cause needs little accuracy, because its misfit is large.
 STEPS, TOLERANCE = 10, 0.005
 
 
-def find_source_first(
-    problem: Problem,
-    nominal: NominalRun,
-    simulator: Simulator,
-    candidates: Sequence[Candidate],
-    guess: FittedGuess,
-    report: Report,
-) -> FoundSource | None:
-    """Return a localised source that explains the whole recording, if there is one in time.
-
-    Args:
-        problem: recording and settings.
-        nominal: simulation that gives the scale of a source.
-        simulator: simulator at the resolution of the growing horizon.
-        candidates: terms that may be missing.
-        guess: best first guess.
-        report: progress.
-    """
-    deadline = problem.deadline("look for a source")
-    null = replace(build_least_squares(problem, simulator, guess.start, [], 1.0), deadline=deadline)
-    size = tendency_size(problem.system, nominal.references[0], problem.times)
-    return problem.budget.attempt(
-        "a source before any law",
-        lambda: find_early_source(
-            null, guess.z, first_samples(null), size, len(candidates), report
-        ),
-        None,
-    )
-
-
-def discover_source(
+def find_local_cause(
     problem: Problem,
     nominal: NominalRun,
     objective: LeastSquaresProblem,
-    source: FoundSource,
+    simulator: Simulator,
+    guess: FittedGuess,
+    report: Report,
+) -> HypothesisFit | None:
+    """Return a source, or a term in a window, that explains the whole recording.
+
+    Args:
+        problem: recording and settings.
+        nominal: simulation that gives the scales.
+        objective: problem of all candidates over the whole record, with the start of the guess.
+        simulator: simulator at the resolution of the growing horizon.
+        guess: best first guess.
+        report: progress.
+
+    Returns:
+        The law under the noise that it leaves; None if there is no such cause.
+
+    Raises:
+        OutOfTimeError: there was no time for the search.
+    """
+    size = tendency_size(problem.system, nominal.references[0], problem.times)
+    objective = replace(objective, deadline=problem.deadline("look for a local cause"))
+    exact = objective.subset(())
+    null = replace(exact, forward_model=replace(exact.forward_model, simulator=simulator))
+    part = find_first_part(null, guess.z, first_samples(null), size)
+    if part is None:
+        return None
+    count = len(objective.prior_std)
+    source = find_early_source(null, part, size, count, report)
+    if source is not None:
+        return _source_with_own_noise(replace(exact, deadline=NEVER), nominal, source, size)
+    found = find_early_window(with_windows(problem, nominal, objective), part, count, report)
+    return None if found is None else _with_own_noise(found, nominal)
+
+
+def discover_local_cause(
+    problem: Problem,
+    nominal: NominalRun,
+    objective: LeastSquaresProblem,
+    cause: HypothesisFit,
     guesses: Sequence[FittedGuess],
     seconds: dict[str, float],
 ) -> Discovery | None:
-    """Compare a source with all other causes.
+    """Compare a local cause with all other causes.
 
     Args:
         problem: recording and settings.
         nominal: simulation that gives the scales of the terms.
         objective: problem of all candidates over the whole record.
-        source: the source, fitted with the first of the guesses.
+        cause: the law of the cause, under the noise that it leaves.
         guesses: fitted first guesses, the best first.
         seconds: run time by stage, updated.
 
     Returns:
         The findings; None if the recording is not explained.
     """
-    size = tendency_size(problem.system, nominal.references[0], problem.times)
+    deadline = problem.deadline("compare hypotheses")
+    objective = replace(objective, noise=cause.objective.noise, deadline=deadline)
+    objective = objective.with_start(cause.objective.forward_model.start)
+    cause = replace(cause, objective=replace(cause.objective, deadline=deadline))
     with stage("compare hypotheses", seconds) as report:
-        fit = _fit_with_own_noise(objective.subset(()), nominal, source, size)
-        objective = replace(objective, noise=fit.objective.noise)
-        objective = objective.with_start(fit.objective.forward_model.start)
-        deadline = problem.deadline("compare hypotheses")
-        objective = replace(objective, deadline=deadline)
         null = replace(objective.subset(()), deadline=NEVER)
         steps = 0 if deadline.is_over else STEPS
-        fitted = minimise(null, fit.phi[: null.modes], steps, TOLERANCE)
+        fitted = minimise(null, cause.phi[: null.modes], steps, TOLERANCE)
         null = replace(null, deadline=deadline)
         empty = HypothesisFit(build_law(null, fitted, fitted.cost), null, fitted.phi)
         comparison = problem.budget.attempt(
             "all other causes",
-            lambda: compare_source(problem, nominal, objective, fit, empty, report),
-            _uncompared(objective, fit, empty),
+            lambda: compare_local_cause(problem, nominal, objective, cause, empty, report),
+            _uncompared(cause, empty),
         )
         report(1.0, str(comparison.laws[0]))
     if not is_record_explained(problem, comparison):
@@ -129,14 +141,12 @@ def discover_source(
     )
 
 
-def _uncompared(
-    objective: LeastSquaresProblem, fit: HypothesisFit, empty: HypothesisFit
-) -> Comparison:
-    noise, source = objective.noise, fit.law.source
-    return Comparison([fit.law, empty.law], empty.law, noise, noise, 0.0, None, source)
+def _uncompared(cause: HypothesisFit, empty: HypothesisFit) -> Comparison:
+    noise, source = cause.objective.noise, cause.law.source
+    return Comparison([cause.law, empty.law], empty.law, noise, noise, 0.0, None, source)
 
 
-def _fit_with_own_noise(
+def _source_with_own_noise(
     null: LeastSquaresProblem, nominal: NominalRun, source: FoundSource, size: Tensor
 ) -> HypothesisFit:
     """Return the law of a source under the noise that it leaves, with the prior of the start.
@@ -154,3 +164,12 @@ def _fit_with_own_noise(
     noise = replace(exact.fit.noise(), available=null.noise.available)
     null = replace(null, noise=noise)
     return fit_source_law(null, refit_source(null, exact, size), size)
+
+
+def _with_own_noise(fit: HypothesisFit, nominal: NominalRun) -> HypothesisFit:
+    """Return a law under the noise that it leaves, with the prior of the start if possible."""
+    fit = replace(fit, objective=replace(fit.objective, deadline=NEVER))
+    near = fit_near_prior(nominal.start, fit.objective, fit.phi, MAX_LAW_RATIO)
+    if near is not None:
+        fit = replace_minimum(fit, *near)
+    return refit_under_noise(fit, noise_left_by(fit))

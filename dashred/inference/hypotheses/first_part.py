@@ -1,0 +1,73 @@
+"""The first part of a record in which the simulator alone leaves more than noise.
+
+A cause that acts at one place has a handful of unknowns. Over this part it is found with a few
+Jacobians, and it is then followed to the end of the record. A fit of all candidates would take most
+of the time of a run, because many wrong terms together follow a recording that lacks such a cause.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from dashred.inference.fit.least_squares import LeastSquaresProblem
+from dashred.inference.fit.levenberg_marquardt import growing_horizon_fits
+from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forcing
+
+# Smallest share of the record that is searched, and growth factor of the horizon before it.
+SHARE, GROWTH = 0.2, 1.5
+# A start that leaves a smaller χ²/n lacks nothing that can be located.
+MIN_CHI2 = 1.3
+# A cause that leaves a larger χ²/n has lost the recording.
+MAX_CHI2 = 1.5
+
+
+@dataclass(frozen=True)
+class FirstPart:
+    """The first part of a record in which something is missing.
+
+    Attributes:
+        null: F of the start alone over this part.
+        phi: its minimum, ``(mode,)``.
+        forcing: a free forcing over this part.
+    """
+
+    null: LeastSquaresProblem
+    phi: Tensor
+    forcing: FreeForcing
+
+    @property
+    def samples(self) -> int:
+        """Number of samples of this part."""
+        return len(self.null.recorded)
+
+
+def find_first_part(
+    null: LeastSquaresProblem, phi: Tensor, samples: int, size: Tensor
+) -> FirstPart | None:
+    """Return the first part; None if the start alone explains the whole record.
+
+    Args:
+        null: F of the start alone over the whole record.
+        phi: its fit to the first samples, ``(mode,)``.
+        samples: number of these samples.
+        size: rms of each equation's own tendency, ``(equation,)``.
+
+    Raises:
+        OutOfTimeError: the deadline of F is over.
+    """
+    for fitted in growing_horizon_fits(null, phi, samples, GROWTH):
+        horizon = len(fitted.readings)
+        part = null.truncate(horizon)
+        # Written with "not", because the misfit is NaN or infinite after a blow-up.
+        if horizon >= SHARE * len(null.recorded) and not fitted.chi2 < MIN_CHI2 * part.noise.count:
+            forcing, _ = fit_free_forcing(part, fitted.phi, size)
+            return FirstPart(part, fitted.phi, forcing)
+    return None
+
+
+def follows(problem: LeastSquaresProblem, chi2: float) -> bool:
+    """Return whether a misfit is near the noise."""
+    # Written with "<", because the misfit is NaN or infinite after a blow-up.
+    return chi2 < MAX_CHI2 * problem.noise.count

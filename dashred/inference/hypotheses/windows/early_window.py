@@ -1,0 +1,71 @@
+"""Follow a term in a window from the first part of a record to its end, before any law."""
+
+from __future__ import annotations
+
+from dashred.core.progress import Report
+from dashred.inference.fit.law import build_law
+from dashred.inference.fit.least_squares import LeastSquaresProblem
+from dashred.inference.fit.levenberg_marquardt import growing_horizon_fits
+from dashred.inference.hypotheses.first_part import FirstPart, follows
+from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
+from dashred.inference.hypotheses.windows.screening import screen
+from dashred.inference.hypotheses.windows.windowed_hypothesis import build_problem
+from dashred.inference.hypotheses.windows.windowed_laws import (
+    fit_screened,
+    fit_until_convergence,
+    penalty_of,
+    predicted_score,
+    select_diverse,
+)
+
+# Number of hypotheses that are fitted over the first part, and until convergence; the largest
+# number with the same term.
+TRIALS, FINALISTS, OF_LAW = 8, 3, 2
+# A term that acts everywhere, or two, that come so near are left to the search for a law.
+MARGIN = 20.0
+# Growth factor of the horizon, and steps at each.
+GROWTH, STEPS = 1.5, 4
+
+
+def find_early_window(
+    objective: LeastSquaresProblem, part: FirstPart, global_count: int, report: Report
+) -> HypothesisFit | None:
+    """Return a term in a window that explains the whole recording, if there is one.
+
+    Args:
+        objective: F of all candidates over the whole record; its simulator has windows.
+        part: the first part in which something is missing.
+        global_count: number of candidates that may act everywhere; these come first.
+        report: progress.
+
+    Raises:
+        OutOfTimeError: the deadline of F is over.
+    """
+    first, forced = objective.truncate(part.samples), part.forcing
+    states = forced.objective.forward_model.sampled_states(*forced.objective.split(forced.phi))
+    windowed = range(len(objective.prior_std))
+    screened = screen(first, global_count, windowed, forced, states)
+    ranked = sorted(screened, key=lambda each: predicted_score(first, each))
+    [best] = ranked[:1]
+    everywhere = [each for each in ranked if each.hypothesis.guess is None]
+    limit = min(predicted_score(first, each) for each in everywhere) - MARGIN
+    if predicted_score(first, best) > limit:
+        return None
+    local = [each for each in ranked if each.hypothesis.guess is not None]
+    z = forced.phi[: objective.modes]
+    chosen = select_diverse(local, OF_LAW, TRIALS)
+    trials = sorted((fit_screened(first, each, z) for each in chosen), key=lambda t: t.score)
+    fits = [(trial.hypothesis, fit_until_convergence(trial)) for trial in trials[:FINALISTS]]
+    hypothesis, fit = min(fits, key=lambda pair: pair[1].law.score)
+    report(part.samples / len(objective.recorded), f"{fit.law}, χ²/n {fit.law.chi2:.2f}")
+    if not follows(first, fit.law.chi2 * first.noise.count):
+        return None
+    problem, phi = build_problem(objective, hypothesis), fit.phi
+    for fitted in growing_horizon_fits(problem, phi, part.samples, GROWTH, STEPS):
+        horizon = len(fitted.readings)
+        if not follows(problem.truncate(horizon), fitted.chi2):
+            return None
+        share = horizon / len(objective.recorded)
+        report(share, f"{fit.law} over {horizon} samples")
+    score = fitted.cost + penalty_of(objective, hypothesis)
+    return HypothesisFit(build_law(problem, fitted, score), problem, fitted.phi)
