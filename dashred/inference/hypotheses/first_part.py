@@ -17,8 +17,8 @@ from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forc
 
 # Smallest share of the record that is searched, and growth factor of the horizon before it.
 SHARE, GROWTH = 0.2, 1.5
-# A start that leaves a smaller χ²/n lacks nothing that can be located.
-MIN_CHI2 = 1.3
+# Misfit beyond the noise that tells a place from others: causes that differ by less in F are alike.
+MIN_EXCESS = 100.0
 # A cause that leaves a larger χ²/n has lost the recording.
 MAX_CHI2 = 1.5
 
@@ -61,7 +61,8 @@ def find_first_part(
         horizon = len(fitted.readings)
         part = null.truncate(horizon)
         # Written with "not", because the misfit is NaN or infinite after a blow-up.
-        if horizon >= SHARE * len(null.recorded) and not fitted.chi2 < MIN_CHI2 * part.noise.count:
+        is_noise = fitted.chi2 < part.noise.count + MIN_EXCESS
+        if horizon >= SHARE * len(null.recorded) and not is_noise:
             forcing, _ = fit_free_forcing(part, fitted.phi, size)
             return FirstPart(part, fitted.phi, forcing)
     return None
