@@ -39,7 +39,7 @@ def with_longer_step(problem: Problem, nominal: NominalRun) -> Problem:
     longest = None
     for factor in FACTORS:
         dt = factor * system.dt
-        if dt > interval:
+        if dt > 1.001 * interval:
             break
         change = _ends_of_segments(problem, path, system.with_step(dt)) - own
         error = count * change.square().mean(dim=0).sqrt() / std.clamp(min=1e-300)

@@ -24,10 +24,16 @@ from dashred.inference.forward.law_block import LawBlock
 from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, refit
+from dashred.inference.hypotheses.sensors import fault_fits
 from dashred.inference.hypotheses.sensors.fault_fits import fit_sensor_hypotheses
 from dashred.inference.initial_state.start_models import LinearStart
 from dashred.inference.sensor_faults.error_curve import follows_state
-from dashred.inference.sensor_faults.fault_search import FaultProblem, FaultSet, find_faults
+from dashred.inference.sensor_faults.fault_search import (
+    FaultProblem,
+    FaultSet,
+    cost_without_worst,
+    find_faults,
+)
 from dashred.inference.sensor_faults.fault_table import SEARCHED_KINDS
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import Term
@@ -227,3 +233,25 @@ def test_an_error_with_the_same_course_in_every_episode_follows_the_state() -> N
     assert not follows_state([rise, wave]) and not follows_state([rise])
     # A constant error has no course.
     assert not follows_state([[1.0] * 40, [1.0] * 40])
+
+
+def test_faults_that_cannot_explain_a_misfit_are_not_searched(
+    oscillator: Oscillator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A missing force is seen by all sensors; without the two worst ones it is still there."""
+    null = fitted(oscillator.problem(oscillator.recorded(seed=3, damping=0.1)))
+    law = fitted(oscillator.problem(oscillator.recorded(seed=3, damping=0.1), terms=1))
+    problem = FaultProblem.at(null.objective, null.phi, null.normal)
+    assert cost_without_worst(problem, 0) == pytest.approx(problem.linear.cost)
+    least = cost_without_worst(problem, 2)
+    assert law.law.score + 100 < least < problem.linear.cost + 2 * len(TIMES)
+    monkeypatch.setattr(fault_fits, "find_faults", None)
+    assert fit_sensor_hypotheses(null, law.law.score + 6) == []
+
+
+def test_the_cost_without_a_faulty_sensor_is_the_noise(oscillator: Oscillator) -> None:
+    recorded = oscillator.recorded(seed=1)
+    recorded[:, 1] += WANDER
+    null = fitted(oscillator.problem(recorded))
+    problem = FaultProblem.at(null.objective, null.phi, null.normal)
+    assert cost_without_worst(problem, 1) / recorded.numel() == pytest.approx(1.0, abs=0.15)
