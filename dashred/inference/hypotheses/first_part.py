@@ -13,7 +13,7 @@ from torch import Tensor
 
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import growing_horizon_fits
-from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forcing
+from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_forcing_nearby
 
 # Smallest share of the record that is searched, and growth factor of the horizon before it.
 SHARE, GROWTH = 0.2, 1.5
@@ -46,7 +46,7 @@ class FirstPart:
 def find_first_part(
     null: LeastSquaresProblem, phi: Tensor, samples: int, size: Tensor
 ) -> FirstPart | None:
-    """Return the first part; None if the start alone explains the whole record.
+    """Return the first part; None if the start alone explains the record, or no forcing does.
 
     Args:
         null: F of the start alone over the whole record.
@@ -63,8 +63,8 @@ def find_first_part(
         # Written with "not", because the misfit is NaN or infinite after a blow-up.
         is_noise = fitted.chi2 < part.noise.count + MIN_EXCESS
         if horizon >= SHARE * len(null.recorded) and not is_noise:
-            forcing, _ = fit_free_forcing(part, fitted.phi, size)
-            return FirstPart(part, fitted.phi, forcing)
+            forcing = fit_forcing_nearby(part, fitted.phi, size)
+            return None if forcing is None else FirstPart(part, fitted.phi, forcing)
     return None
 
 

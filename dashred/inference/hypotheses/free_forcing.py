@@ -119,16 +119,45 @@ def fit_forcing_block(
     Raises:
         OutOfTimeError: the deadline of F is over.
     """
-    objective.deadline.check()
-    forced_model = replace(objective.forward_model, forcing=block)
-    whole = objective.with_unknowns(forced_model, _prior_stds(block, LEVELS[-1:] * len(block.size)))
-    begin = torch.cat([phi, torch.zeros(block.count, dtype=torch.float64)])
+    whole, begin = _forced_problem(objective, phi, block)
     first = whole.linearise(begin)
     without = evidence(first, range(len(phi)))
     forcing = _fit_levels(whole, block, begin, equations, first)
     if _has_lost_recording(forcing):
         forcing = _refit_growing_horizon(whole, begin, forcing)
     return forcing, without
+
+
+def fit_forcing_nearby(
+    objective: LeastSquaresProblem, phi: Tensor, tendency_rms: Tensor
+) -> FreeForcing | None:
+    """Fit a free forcing; None if it loses the recording. Arguments as in :func:`fit_free_forcing`.
+
+    Raises:
+        OutOfTimeError: the deadline of F is over.
+    """
+    block = _coarse_block(objective, tendency_rms)
+    whole, begin = _forced_problem(objective, phi, block)
+    equations = range(len(tendency_rms))
+    forcing = _fit_levels(whole, block, begin, equations, whole.linearise(begin))
+    return None if _has_lost_recording(forcing) else forcing
+
+
+def _forced_problem(
+    objective: LeastSquaresProblem, phi: Tensor, block: ForcingBlock
+) -> tuple[LeastSquaresProblem, Tensor]:
+    """Return F with a forcing, and the point without one."""
+    objective.deadline.check()
+    forced_model = replace(objective.forward_model, forcing=block)
+    whole = objective.with_unknowns(forced_model, _prior_stds(block, LEVELS[-1:] * len(block.size)))
+    return whole, torch.cat([phi, torch.zeros(block.count, dtype=torch.float64)])
+
+
+def _coarse_block(objective: LeastSquaresProblem, tendency_rms: Tensor) -> ForcingBlock:
+    model = objective.forward_model
+    system = model.simulator.system
+    basis = ForcingBasis.over(system, model.times, CELLS[len(system.axes)], KNOTS)
+    return ForcingBlock(basis, tendency_rms)
 
 
 def _refit_growing_horizon(
@@ -208,10 +237,7 @@ def fit_free_forcing(
         phi: its minimum, ``(unknown,)``.
         tendency_rms: rms of each equation's own tendency, ``(equation,)``.
     """
-    forward_model = objective.forward_model
-    system = forward_model.simulator.system
-    basis = ForcingBasis.over(system, forward_model.times, CELLS[len(system.axes)], KNOTS)
-    block = ForcingBlock(basis, tendency_rms)
+    block = _coarse_block(objective, tendency_rms)
     forcing, without = fit_forcing_block(objective, phi, block, range(len(tendency_rms)))
     return forcing, without - forcing.evidence
 

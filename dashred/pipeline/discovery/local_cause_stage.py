@@ -26,7 +26,10 @@ from dashred.inference.hypotheses.result import BestOfSize, Discovery
 from dashred.inference.hypotheses.sources.early_source import find_early_source
 from dashred.inference.hypotheses.sources.find_source import FoundSource, refit_source
 from dashred.inference.hypotheses.sources.source_law import fit_source_law
-from dashred.inference.hypotheses.windows.early_window import find_early_window
+from dashred.inference.hypotheses.windows.early_window import (
+    find_early_window,
+    is_explained_everywhere,
+)
 from dashred.pipeline.discovery.first_guess_stage import FittedGuess
 from dashred.pipeline.discovery.hypothesis_stage import (
     compare_local_cause,
@@ -77,6 +80,9 @@ def find_local_cause(
     source = find_early_source(null, part, size, count, report)
     if source is not None:
         return _source_with_own_noise(replace(exact, deadline=NEVER), nominal, source, size)
+    # Windows take seconds to compile.
+    if is_explained_everywhere(objective, part):
+        return None
     found = find_early_window(with_windows(problem, nominal, objective), part, count, report)
     return None if found is None else _with_own_noise(found, nominal)
 

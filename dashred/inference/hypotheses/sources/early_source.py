@@ -7,7 +7,7 @@ from torch import Tensor
 from dashred.core.progress import Report
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.hypotheses.first_part import FirstPart, follows
-from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forcing
+from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_forcing_nearby
 from dashred.inference.hypotheses.sources.find_source import (
     FoundSource,
     best_source,
@@ -52,7 +52,9 @@ def find_early_source(
         found = refit_source(problem, found, size, TOLERANCE)
         if not follows(problem, found.fit.chi2):
             # Its course may have looked different over the shorter part.
-            forcing, _ = fit_free_forcing(problem, phi, size)
+            forcing = fit_forcing_nearby(problem, phi, size)
+            if forcing is None:
+                return None
             found = _search(problem, phi, forcing, size, candidate_count)
     return None
 
