@@ -22,7 +22,7 @@ from dashred.inference.hypotheses.comparison.noise_reestimation import (
 )
 from dashred.inference.hypotheses.first_part import find_first_part
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, replace_minimum
-from dashred.inference.hypotheses.result import BestOfSize, Discovery
+from dashred.inference.hypotheses.result import MIN_FORCING_GAIN, BestOfSize, Discovery
 from dashred.inference.hypotheses.sources.early_source import find_early_source
 from dashred.inference.hypotheses.sources.find_source import FoundSource, refit_source
 from dashred.inference.hypotheses.sources.source_law import fit_source_law
@@ -124,7 +124,9 @@ def discover_local_cause(
             _uncompared(cause, empty),
         )
         report(1.0, str(comparison.laws[0]))
-    if not is_record_explained(problem, comparison):
+    # What is left may be a law that acts everywhere.
+    is_rest = comparison.forcing_gain > MIN_FORCING_GAIN
+    if is_rest or not is_record_explained(problem, comparison):
         return None
     count = objective.noise.count
     nothing = BestOfSize((), (), empty.law.score, math.sqrt(fitted.cost / count))
