@@ -5,7 +5,7 @@ from __future__ import annotations
 from dashred.core.progress import Report
 from dashred.inference.fit.law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import growing_horizon_fits
+from dashred.inference.fit.levenberg_marquardt import growing_horizon_fits, minimise
 from dashred.inference.hypotheses.first_part import FirstPart, follows
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.windows.screening import profile_out, screen
@@ -26,8 +26,8 @@ MARGIN = 20.0
 # One or two terms that act everywhere explain the first part if their F, linearised about a coarse
 # forcing, is below this multiple of the number of readings.
 ENOUGH = 1.3
-# Growth factor of the horizon, and steps at each.
-GROWTH, STEPS = 1.5, 4
+# Growth factor of the horizon, and the fit at each.
+GROWTH, STEPS, TOLERANCE = 1.5, 4, 0.01
 
 
 def is_explained_everywhere(objective: LeastSquaresProblem, part: FirstPart) -> bool:
@@ -82,12 +82,13 @@ def find_early_window(
     report(part.samples / len(objective.recorded), f"{fit.law}, χ²/n {fit.law.chi2:.2f}")
     if not follows(first, fit.law.chi2 * first.noise.count):
         return None
-    problem, phi = build_problem(objective, hypothesis), fit.phi
-    for fitted in growing_horizon_fits(problem, phi, part.samples, GROWTH, STEPS):
+    problem, total = build_problem(objective, hypothesis), len(objective.recorded)
+    last = minimise(problem.truncate(part.samples), fit.phi, STEPS, TOLERANCE)
+    for fitted in growing_horizon_fits(problem, last.phi, part.samples, GROWTH, STEPS):
         horizon = len(fitted.readings)
         if not follows(problem.truncate(horizon), fitted.chi2):
             return None
-        share = horizon / len(objective.recorded)
-        report(share, f"{fit.law} over {horizon} samples")
-    score = fitted.cost + penalty_of(objective, hypothesis)
-    return HypothesisFit(build_law(problem, fitted, score), problem, fitted.phi)
+        report(horizon / total, f"{fit.law} over {horizon} of {total} samples")
+        last = fitted
+    score = last.cost + penalty_of(objective, hypothesis)
+    return HypothesisFit(build_law(problem, last, score), problem, last.phi)
