@@ -42,11 +42,6 @@ class LocatedSource:
     rates: tuple[float, ...]
 
     @property
-    def is_steady(self) -> bool:
-        """Whether its rate is the same at all times."""
-        return min(self.rates) == max(self.rates)
-
-    @property
     def parts(self) -> frozenset[str]:
         """Its parts, as those of a law: a constant, in a box along every axis, at some times."""
         boxes = (f"in a box of {axis}" for axis in self.axes)

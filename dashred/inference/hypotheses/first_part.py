@@ -19,8 +19,9 @@ from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_forcing_n
 SHARE, GROWTH = 0.2, 1.5
 # Misfit beyond the noise that tells a place from others: causes that differ by less in F are alike.
 MIN_EXCESS = 100.0
-# A cause that leaves a larger χ²/n has lost the recording.
-MAX_CHI2 = 1.5
+# A cause that leaves a larger χ²/n has lost the recording, and over the whole record it explains it
+# if it leaves no more than this.
+MAX_CHI2, EXPLAINED_CHI2 = 1.5, 1.1
 
 
 @dataclass(frozen=True)
@@ -72,3 +73,8 @@ def follows(problem: LeastSquaresProblem, chi2: float) -> bool:
     """Return whether a misfit is near the noise."""
     # Written with "<", because the misfit is NaN or infinite after a blow-up.
     return chi2 < MAX_CHI2 * problem.noise.count
+
+
+def explains(problem: LeastSquaresProblem, chi2: float) -> bool:
+    """Return whether a misfit over the whole record is noise."""
+    return chi2 < EXPLAINED_CHI2 * problem.noise.count

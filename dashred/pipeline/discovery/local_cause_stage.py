@@ -106,7 +106,7 @@ def discover_local_cause(
         seconds: run time by stage, updated.
 
     Returns:
-        The findings; None if the recording is not explained.
+        The findings; None if the cause alone does not explain the recording.
     """
     deadline = problem.deadline("compare hypotheses")
     objective = replace(objective, noise=cause.objective.noise, deadline=deadline)
@@ -124,13 +124,13 @@ def discover_local_cause(
             _uncompared(cause, empty),
         )
         report(1.0, str(comparison.laws[0]))
-    # What is left may be a law that acts everywhere.
-    is_rest = comparison.forcing_gain > MIN_FORCING_GAIN
+    best = comparison.laws[0]
+    # What is left, or what other causes explain beside it, may be a law that acts everywhere.
+    is_rest = comparison.forcing_gain > MIN_FORCING_GAIN or best.faults
     if is_rest or not is_record_explained(problem, comparison):
         return None
     count = objective.noise.count
     nothing = BestOfSize((), (), empty.law.score, math.sqrt(fitted.cost / count))
-    best = comparison.laws[0]
     return Discovery(
         laws=comparison.laws,
         uncorrected=comparison.uncorrected,

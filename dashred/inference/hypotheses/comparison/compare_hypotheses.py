@@ -177,13 +177,9 @@ def compare_hypotheses(
 
 
 def _may_be_local(law: Law) -> bool:
-    """Tell whether a single term in a window, or one beyond the library, may rival a law.
-
-    A term of a field that hardly changes is like a steady source, but not like one that changes.
-    """
-    if law.source is not None:
-        return law.source.is_steady
-    return law.window is not None or len(law.candidates) >= MAX_SIMPLE_TERMS
+    """Tell whether a single term in a window, or one beyond the library, may rival a law."""
+    is_local = law.source is not None or law.window is not None
+    return is_local or len(law.candidates) >= MAX_SIMPLE_TERMS
 
 
 def _fit_periodic(

@@ -6,7 +6,7 @@ from torch import Tensor
 
 from dashred.core.progress import Report
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.hypotheses.first_part import FirstPart, follows
+from dashred.inference.hypotheses.first_part import FirstPart, explains, follows
 from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_forcing_nearby
 from dashred.inference.hypotheses.sources.find_source import (
     FoundSource,
@@ -46,7 +46,7 @@ def find_early_source(
         level = found.fit.chi2 / problem.noise.count
         report(horizon / total, f"a source over {horizon} of {total} samples, χ²/n {level:.2f}")
         if horizon == total:
-            return found
+            return found if explains(problem, found.fit.chi2) else None
         horizon = min(total, max(horizon + 1, round(GROWTH * horizon)))
         problem, phi = null.truncate(horizon), found.fit.phi
         found = refit_source(problem, found, size, TOLERANCE)

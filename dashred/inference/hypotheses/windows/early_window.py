@@ -6,7 +6,7 @@ from dashred.core.progress import Report
 from dashred.inference.fit.law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import growing_horizon_fits, minimise
-from dashred.inference.hypotheses.first_part import FirstPart, follows
+from dashred.inference.hypotheses.first_part import FirstPart, explains, follows
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.windows.screening import profile_out, screen
 from dashred.inference.hypotheses.windows.windowed_hypothesis import build_problem
@@ -90,5 +90,7 @@ def find_early_window(
             return None
         report(horizon / total, f"{fit.law} over {horizon} of {total} samples")
         last = fitted
+    if not explains(problem, last.chi2):
+        return None
     score = last.cost + penalty_of(objective, hypothesis)
     return HypothesisFit(build_law(problem, last, score), problem, last.phi)

@@ -51,7 +51,7 @@ def test_a_steady_source(channel: Channel) -> None:
     assert abs(place - PLACE) < 4 * std < 0.2
     strength = HEIGHT * Bump((PLACE,), WIDTH).integral(channel.system)
     assert abs(located.strength - strength) < 4 * located.strength_std < 0.05
-    assert located.period is None and located.share > 0.99 and located.is_steady
+    assert located.period is None and located.share > 0.99
     [(begin, end)] = located.region
     assert begin < PLACE - WIDTH and end > PLACE + WIDTH
 
@@ -63,7 +63,6 @@ def test_a_pulsating_source(channel: Channel) -> None:
     assert located.period is not None and located.period_std is not None
     assert abs(located.period - 2.3) < 4 * located.period_std < 0.1
     assert abs(located.place[0] - PLACE) < 0.2
-    assert not located.is_steady
     assert max(located.rates) == pytest.approx(2 * HEIGHT * AREA, rel=0.1)
 
 
