@@ -61,7 +61,7 @@ def find_first_part(
     for fitted in growing_horizon_fits(null, phi, samples, GROWTH):
         horizon = len(fitted.readings)
         part = null.truncate(horizon)
-        # Written with "not", because the misfit is NaN or infinite after a blow-up.
+        # False as well if the misfit is NaN or infinite after a blow-up.
         is_noise = fitted.chi2 < part.noise.count + MIN_EXCESS
         if horizon >= SHARE * len(null.recorded) and not is_noise:
             forcing = fit_forcing_nearby(part, fitted.phi, size)

@@ -44,10 +44,7 @@ from dashred.pipeline.discovery.least_squares import (
     exact_simulator,
 )
 from dashred.pipeline.discovery.library_choice import is_explained
-from dashred.pipeline.discovery.local_cause_stage import (
-    discover_local_cause,
-    find_local_cause,
-)
+from dashred.pipeline.discovery.local_cause_stage import discover_local_cause
 from dashred.pipeline.discovery.prior_start import select_near_prior
 from dashred.pipeline.discovery.segment_horizon import follow_segments
 from dashred.pipeline.discovery.segment_stage import discover_in_segments, with_few_terms
@@ -113,23 +110,11 @@ def discover(
                 errors = ", ".join(f"{g.name} {g.error:.2f}" for g in guesses)
                 report(1.0, f"{errors} σ error at the sensors")
             if problem.system.axes:
-                begin = guesses[0]
-                objective = build_least_squares(problem, simulator, begin.start, candidates, weak)
-                with stage("look for a local cause", seconds) as report:
-                    cause = problem.budget.attempt(
-                        "a local cause before any law",
-                        lambda: find_local_cause(
-                            problem, nominal, objective, coarse, begin, report
-                        ),
-                        None,
-                    )
-                    report(1.0, "none" if cause is None else str(cause.law))
-                if cause is not None:
-                    local = discover_local_cause(
-                        problem, nominal, objective, cause, guesses, seconds
-                    )
-                    if local is not None:
-                        return local
+                begin = guesses[0].start
+                objective = build_least_squares(problem, simulator, begin, candidates, weak)
+                local = discover_local_cause(problem, nominal, objective, coarse, guesses, seconds)
+                if local is not None:
+                    return local
             with stage("grow the horizon", seconds) as report:
                 guess, horizon = fit_from_first_guesses(
                     problem, coarse, candidates, guesses, report

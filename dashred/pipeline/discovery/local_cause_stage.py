@@ -45,7 +45,38 @@ from dashred.pipeline.simulation.nominal_run import NominalRun
 STEPS, TOLERANCE = 10, 0.005
 
 
-def find_local_cause(
+def discover_local_cause(
+    problem: Problem,
+    nominal: NominalRun,
+    objective: LeastSquaresProblem,
+    simulator: Simulator,
+    guesses: Sequence[FittedGuess],
+    seconds: dict[str, float],
+) -> Discovery | None:
+    """Return the findings if a local cause explains the recording; None if not.
+
+    Args:
+        problem: recording and settings.
+        nominal: simulation that gives the scales of the terms.
+        objective: problem of all candidates over the whole record, with the start of the best
+            guess.
+        simulator: simulator at the resolution of the growing horizon.
+        guesses: fitted first guesses, the best first.
+        seconds: run time by stage, updated.
+    """
+    with stage("look for a local cause", seconds) as report:
+        cause = problem.budget.attempt(
+            "a local cause before any law",
+            lambda: _find_local_cause(problem, nominal, objective, simulator, guesses[0], report),
+            None,
+        )
+        report(1.0, "none" if cause is None else str(cause.law))
+    if cause is None:
+        return None
+    return _compare_with_others(problem, nominal, objective, cause, guesses, seconds)
+
+
+def _find_local_cause(
     problem: Problem,
     nominal: NominalRun,
     objective: LeastSquaresProblem,
@@ -87,7 +118,7 @@ def find_local_cause(
     return None if found is None else _with_own_noise(found, nominal)
 
 
-def discover_local_cause(
+def _compare_with_others(
     problem: Problem,
     nominal: NominalRun,
     objective: LeastSquaresProblem,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -60,13 +61,18 @@ def recorded(folder: Path, hidden: str) -> Path:
     return folder / "channel.yaml"
 
 
-@pytest.mark.slow
-def test_a_source(tmp_path: Path, train) -> None:
-    config = recorded(tmp_path, SOURCE)
-    ended = train(f"conf={config}", f"recording.path={tmp_path / 'recording.csv'}")
+def findings_without_a_horizon(folder: Path, train, hidden: str) -> dict[str, Any]:
+    """Return the findings of a run, which must not have grown a horizon."""
+    config = recorded(folder, hidden)
+    ended = train(f"conf={config}", f"recording.path={folder / 'recording.csv'}")
     assert ended.code == 0, ended.err
     assert "grow the horizon" not in ended.out
-    findings = json.loads(ended.read("findings.json"))
+    return json.loads(ended.read("findings.json"))
+
+
+@pytest.mark.slow
+def test_a_source(tmp_path: Path, train) -> None:
+    findings = findings_without_a_horizon(tmp_path, train, SOURCE)
     assert findings["verdict"] == "outside-library"
     source = findings["where"]["source"]
     assert source["equation"] == "c" and source["period"] is None
@@ -76,11 +82,7 @@ def test_a_source(tmp_path: Path, train) -> None:
 
 @pytest.mark.slow
 def test_a_term_in_a_region(tmp_path: Path, train) -> None:
-    config = recorded(tmp_path, REGION)
-    ended = train(f"conf={config}", f"recording.path={tmp_path / 'recording.csv'}")
-    assert ended.code == 0, ended.err
-    assert "grow the horizon" not in ended.out
-    findings = json.loads(ended.read("findings.json"))
+    findings = findings_without_a_horizon(tmp_path, train, REGION)
     assert findings["verdict"] == "missing-term"
     [term] = findings["terms"]
     assert (term["equation"], term["term"]) == ("c", "c")
