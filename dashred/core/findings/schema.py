@@ -91,6 +91,8 @@ class Fit(HeldOut):
     `noise_correlation` is the largest correlation of neighbouring samples over all quantities.
     `own_error` is the numerical error of the simulator at the start of the recording, in standard
     deviations of the noise. `comparisons` tell whether held-out data support the law.
+    `misfit_at_test_sensors` is the RMSE of the corrected simulator at each test sensor, in
+    standard deviations of the noise.
     """
 
     comparisons: list[Comparison]
@@ -99,6 +101,7 @@ class Fit(HeldOut):
     own_error: float | None
     chi2: float | None
     unexplained: float | None
+    misfit_at_test_sensors: dict[str, float] | None
 
 
 class Proposal(TypedDict):
@@ -275,6 +278,7 @@ def new_findings(
         own_error=None,
         chi2=None,
         unexplained=None,
+        misfit_at_test_sensors=None,
         test_sensors=errors_by_method(),
         heldout_time=errors_by_method(),
         heldout_restarted=errors_by_method(),

@@ -37,6 +37,8 @@ SEARCHED_KINDS = {
     "misplaced": SearchedKind(offset_faults.misplaced, offset_faults.misplaced_in_units),
     "wandering": SearchedKind(offset_faults.wandering, offset_faults.wandering_in_units),
 }
+# Faults that neither a law nor an inaccurate model imitates.
+DISTINCT_KINDS = ("stuck", "spikes")
 
 
 def fault_candidates(

@@ -38,6 +38,7 @@ def verify(problem: Problem, analysis: BlackBoxAnalysis) -> Findings:
             own_error=None,
             chi2=None,
             unexplained=None,
+            misfit_at_test_sensors=None,
             test_sensors=errors_by_method(**_test_errors(problem, analysis)),
             heldout_time=errors_by_method(**_heldout_errors(problem, analysis)),
             heldout_restarted=errors_by_method(),

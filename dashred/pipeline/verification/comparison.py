@@ -8,7 +8,8 @@ samples are correlated, so the error of the mean difference is computed from mea
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from statistics import median
 
 import numpy as np
 from scipy.stats import t as student
@@ -29,6 +30,9 @@ MAX_ERROR = 10.0
 # If the system is chaotic, runs are compared until their errors are as large as this, in standard
 # deviations of the readings.
 SATURATED = 1.0
+# If only sensors err, the error at a test sensor is below this many standard deviations of noise.
+# The uncertainty of the start adds to it.
+MAX_MISFIT = 3.0
 # A verdict that states a law may be rejected by held-out data.
 LAWS: tuple[Verdict, ...] = ("missing-term", "parameter", "outside-library", "ambiguous")
 
@@ -47,10 +51,57 @@ def compare_held_out(predictions: HeldOutPredictions) -> list[Comparison]:
     return found
 
 
-def confirmed(verdict: Verdict, law: Law, comparisons: Sequence[Comparison]) -> Verdict:
-    """Return the verdict; ``unconfirmed`` if it states a law that the held-out data contradict."""
-    is_claimed = verdict in LAWS and bool(law.candidates)
-    return "unconfirmed" if is_claimed and any(c["worse"] for c in comparisons) else verdict
+def confirmed(
+    verdict: Verdict,
+    law: Law,
+    comparisons: Sequence[Comparison],
+    misfits: Mapping[str, float],
+    is_local: bool,
+) -> Verdict:
+    """Return the verdict; ``unconfirmed`` if the held-out data contradict it.
+
+    If only sensors err, the simulator is right. It then agrees with the sensors that no fit has
+    used. One of these may err itself, but not beside a fitted sensor that errs.
+
+    Args:
+        verdict: states a law, or that only sensors err, or something else.
+        law: the best law.
+        comparisons: of the held-out data.
+        misfits: of the test sensors, as returned by :func:`misfits_at_sensors`.
+        is_local: whether sensors that no fit has used err next to fitted sensors that err.
+    """
+    if verdict in LAWS and law.candidates:
+        return "unconfirmed" if any(c["worse"] for c in comparisons) else verdict
+    if verdict != "sensor-fault":
+        return verdict
+    is_missed = bool(misfits) and median(misfits.values()) > MAX_MISFIT
+    return "unconfirmed" if is_missed or is_local else verdict
+
+
+def misfits_at_sensors(
+    parts: Sequence[Predictions], noise: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the RMSE of the corrected simulator at each test sensor, in σ of the noise.
+
+    Of a chaotic system only the samples before the runs are lost are used. A sensor without
+    readings is left out.
+
+    Args:
+        parts: predictions for the test sensors, by episode.
+        noise: σ of each sensor, in the order of the readings.
+    """
+    compared = [_predictable(part) for part in parts if {BEFORE, AFTER} <= part.read.keys()]
+    if not compared:
+        return {}
+    recorded = np.concatenate([part.recorded for part in compared])
+    errors = np.concatenate([part.errors(AFTER) * part.scale for part in compared])
+    # The errors are NaN where a reading is missing, and after a blow-up.
+    squares = np.nan_to_num(np.square(errors), nan=np.inf)
+    return {
+        name: float(np.sqrt(squares[seen, column].mean()) / std)
+        for column, (name, std) in enumerate(noise.items())
+        if (seen := ~np.isnan(recorded[:, column])).any()
+    }
 
 
 def _compare(

@@ -6,13 +6,14 @@ show as a large error of the corrected simulation.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from itertools import product
 
 import torch
 from torch import Tensor
 
-from dashred.data.noise_level import noise_std
 from dashred.data.observation_operator import ObservationOperator
+from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.noise_model import NoiseModel
@@ -26,16 +27,20 @@ from dashred.inference.hypotheses.result import MIN_FORCING_GAIN
 from dashred.inference.initial_state.start_models import ScaledStart, project_state
 from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.inference.sensor_faults.fault_search import FaultProblem, find_faults
-from dashred.inference.sensor_faults.fault_table import SEARCHED_KINDS, fault_in_units
+from dashred.inference.sensor_faults.fault_table import (
+    DISTINCT_KINDS,
+    SEARCHED_KINDS,
+    fault_in_units,
+)
+from dashred.inference.sensor_faults.neighbours import has_neighbours
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.problem import Problem
+from dashred.pipeline.verification.sensor_noise import noise_of_sensors
 
 # A fault must lower the score by more than this: the model was not fitted to these sensors.
 MARGIN = 20.0
 # If the model and the faults leave a larger χ²/n, the model is not good enough to judge sensors.
 MAX_CHI2 = 1.5
-# Faults that an inaccurate model does not imitate.
-DISTINCT_KINDS = ("stuck", "spikes")
 
 
 @torch.no_grad()
@@ -64,6 +69,32 @@ def held_out_faults(problem: Problem, analysis: Analysis) -> list[SensorFault]:
     return [fault_in_units(objective, *each) for each in estimates]
 
 
+def err_next_to(
+    problem: Problem, fitted: Sequence[SensorFault], others: Sequence[SensorFault]
+) -> bool:
+    """Return whether a sensor that no fit has used errs next to a fitted one that errs.
+
+    Args:
+        problem: recording and settings.
+        fitted: faults of fitted sensors.
+        others: faults of other sensors.
+    """
+    sensors = _all_sensors(problem)
+    by_name = {sensor.name: sensor for sensor in sensors}
+    pairs = (
+        [by_name[fault.sensor] for fault in pair if fault.kind not in DISTINCT_KINDS]
+        for pair in product(fitted, others)
+    )
+    return any(has_neighbours(sensors, pair, problem.system.axes) for pair in pairs)
+
+
+def _all_sensors(problem: Problem) -> tuple[Sensor, ...]:
+    """Return the sensors for the fit, for validation and for the test."""
+    split = problem.split
+    validated = (s for s in split.validation.sensors if s.name in split.validate)
+    return (*split.fit.sensors, *validated, *split.tested.sensors)
+
+
 def _kinds_beside(law: Law) -> Collection[str]:
     """Return the kinds of faults that can be told beside a law.
 
@@ -88,12 +119,7 @@ def _problem_of_all_sensors(
     start = analysis.nominal.start
     if law.start_prior_factor > 1:
         start = ScaledStart(start, law.start_prior_factor)
-    sensors = (
-        *split.fit.sensors,
-        *(s for s in split.validation.sensors if s.name in split.validate),
-        *split.tested.sensors,
-    )
-    operator = ObservationOperator(sensors, problem.system)
+    operator = ObservationOperator(_all_sensors(problem), problem.system)
     times = stack_times([e.times[: len(e.split.fit.times)] for e in episodes])
     forward_model = ForwardModel(
         Simulator(parts_of_simulator),
@@ -120,12 +146,9 @@ def _readings_of(episode: Problem) -> Tensor:
 def _noise(
     problem: Problem, analysis: Analysis, names: tuple[str, ...], recorded: Tensor
 ) -> NoiseModel:
-    """Return the noise of all sensors; σ of the others is scaled as that of the fit sensors is."""
-    found, fitted = analysis.discovery.noise, len(problem.split.fit.names)
-    noise = problem.noise | _noise_of_test_sensors(problem)
-    stated = torch.tensor([noise[name] for name in names], dtype=torch.float64)
-    ratio = (found.std[:fitted] / stated[:fitted]).median()
-    std = torch.cat([found.std[:fitted], ratio * stated[fitted:]])
+    """Return the noise of all sensors, with the correlation of the fitted ones."""
+    found = analysis.discovery.noise
+    std = noise_of_sensors(problem, analysis, names)
     correlation = torch.full_like(std, float(found.correlation.max()))
     available = ~recorded.isnan()
     episodes = len(problem.episodes)
@@ -133,11 +156,3 @@ def _noise(
     for column, name in enumerate(names * episodes):
         available[:, column] &= name not in faulty
     return NoiseModel(std.repeat(episodes), correlation.repeat(episodes), available)
-
-
-def _noise_of_test_sensors(problem: Problem) -> dict[str, float]:
-    """Return σ of every test sensor, stated or estimated from its traces in the fit window."""
-    if not problem.split.test:
-        return {}
-    traces = [e.split.tested.between(float(e.times[0]), e.split.time_end) for e in problem.episodes]
-    return dict(zip(traces[0].names, noise_std(*traces).tolist(), strict=True))

@@ -39,17 +39,22 @@ from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
 from dashred.pipeline.outputs.corrected_config import write_corrected
 from dashred.pipeline.outputs.field_files import episodes_dataset
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.verification.comparison import compare_held_out, confirmed
+from dashred.pipeline.verification.comparison import (
+    compare_held_out,
+    confirmed,
+    misfits_at_sensors,
+)
 from dashred.pipeline.verification.energy import energy_loss
 from dashred.pipeline.verification.held_out import held_out_errors, predict_held_out
-from dashred.pipeline.verification.held_out_faults import held_out_faults
+from dashred.pipeline.verification.held_out_faults import err_next_to, held_out_faults
 from dashred.pipeline.verification.numerical_error import numerical_error
+from dashred.pipeline.verification.sensor_noise import noise_of_sensors
 from dashred.pipeline.verification.spent_budget import blame_budget, note_budget
 from dashred.pipeline.verification.structure import structure_change
 from dashred.reporting.wording.findings_text import add_text
 
-# The remark in the corrected configuration of a law that held-out data contradict.
-UNCONFIRMED = "The held-out data contradict this law: it is suggested, but not confirmed."
+# The remark in the corrected configuration of an explanation that held-out data contradict.
+UNCONFIRMED = "The held-out data contradict this explanation: it is suggested, but not confirmed."
 
 
 def verify(problem: Problem, analysis: Analysis) -> Findings:
@@ -63,10 +68,13 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     predictions = predict_held_out(problem, analysis)
     comparisons = compare_held_out(predictions)
     kind, causes = verdict(discovered, left, problem.fault_details)
-    kind = confirmed(kind, discovered.best, comparisons)
-    if kind != "not-converged":
-        faults = held_out_faults(problem, analysis)
-        kind, causes = with_faults(kind, causes, map(problem.fault_details, faults))
+    tested = problem.split.tested.names
+    noise = noise_of_sensors(problem, analysis, tested).tolist()
+    misfits = misfits_at_sensors(predictions["test_sensors"], dict(zip(tested, noise, strict=True)))
+    faults = [] if kind == "not-converged" else held_out_faults(problem, analysis)
+    is_local = err_next_to(problem, discovered.best.faults, faults)
+    kind = confirmed(kind, discovered.best, comparisons, misfits, is_local)
+    kind, causes = with_faults(kind, causes, map(problem.fault_details, faults))
     fit = Fit(
         comparisons=comparisons,
         # The noise is the same in all episodes.
@@ -75,6 +83,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         own_error=numerical_error(problem, discovered.best, discovered.noise.std[: len(names)]),
         chi2=discovered.best.chi2,
         unexplained=left,
+        misfit_at_test_sensors=misfits or None,
         **held_out_errors(predictions),
     )
     proposed = {n: proposals(problem, f) for n, f in analysis.assimilated.proposals.items()}

@@ -93,6 +93,11 @@ def _conclusion(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
         case "outside-library":
             best = f"; the nearest law is {missing}" if missing else ""
             return f"the simulation lacks an effect that no term of the library expresses{best}"
+        case "unconfirmed" if not terms:
+            return (
+                "there is no confirmed result: faulty sensors would explain the readings used in "
+                "the fit, but sensors not used in any fit disagree with the simulation, too"
+            )
         case "unconfirmed":
             return (
                 "there is no confirmed result: the held-out data contradict the best law "

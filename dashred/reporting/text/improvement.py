@@ -69,10 +69,24 @@ def is_lost(fit: Mapping[str, Any], key: str) -> bool:
     return bool(compared) and key not in compared
 
 
+def is_confirmed(findings: Mapping[str, Any]) -> bool:
+    """Return whether the held-out data do not contradict what the findings state."""
+    return bool(findings["verdict"] != "unconfirmed")
+
+
 def contradictions(findings: Mapping[str, Any]) -> list[str]:
-    """Return the comparisons with held-out data that contradict an unconfirmed law."""
-    if findings["verdict"] != "unconfirmed":
+    """Return how the held-out data contradict an unconfirmed explanation."""
+    if is_confirmed(findings):
         return []
+    if not findings["terms"]:
+        misfits = findings["fit"]["misfit_at_test_sensors"] or {}
+        errors = ", ".join(f"{_size(misfit)} at {name}" for name, misfit in misfits.items())
+        return [
+            "If only these sensors erred, the simulation would agree with the sensors that no fit "
+            "has used, or only distant ones would err as well. It does not: an effect that the "
+            "simulation lacks is more likely. Errors in standard deviations of the noise: "
+            f"{errors}."
+        ]
     return [
         f"{HELD_OUT[each['data']]} the error is {_size(each['after'])} with the suggested law, and "
         f"{_size(each['before'])} for the simulation from its best start. The mean squared error "

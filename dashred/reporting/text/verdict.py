@@ -11,6 +11,7 @@ from dashred.reporting.text.improvement import (
     assimilation_gains,
     contradictions,
     improvements,
+    is_confirmed,
     resolution_warning,
 )
 from dashred.reporting.text.regions import bounds
@@ -28,7 +29,7 @@ VERDICTS = {
     "not-converged": "the search did not converge",
     "mismatch": "the recording differs from the simulation, and snapshots alone cannot show why",
     "no-mismatch-seen": "the recording agrees with the simulation's snapshots",
-    "unconfirmed": "a law fits the recording, but the held-out data contradict it",
+    "unconfirmed": "an explanation fits the recording, but the held-out data contradict it",
 }
 PARTS = {
     "H": "H, the energy",
@@ -42,6 +43,7 @@ FEW, NEARLY = 3, 0.95
 # A less probable cause is not reported.
 LIKELY = 0.05
 LIMITS = "Limits of this analysis"
+SUGGESTED = "Suggested, but not confirmed"
 
 
 def verdict_lines(findings: Mapping[str, Any]) -> list[str]:
@@ -72,7 +74,10 @@ def verdict_lines(findings: Mapping[str, Any]) -> list[str]:
 
 def causes(findings: Mapping[str, Any]) -> list[str]:
     """Return the texts of the reported causes."""
-    return [sentence(cause["says"]) for cause in _reported(findings) if "says" in cause]
+    told = [cause["says"] for cause in _reported(findings) if "says" in cause]
+    if told and not is_confirmed(findings) and not findings["terms"]:
+        told[0] = f"{SUGGESTED}: {told[0]}"
+    return [sentence(text) for text in told]
 
 
 def _reported(findings: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -153,8 +158,8 @@ def law(findings: Mapping[str, Any]) -> list[str]:
     rivals = any(other["rival"] for other in findings["alternatives"] or [])
     undecided = findings["verdict"] == "ambiguous" or rivals
     guess = "As the best guess, " if undecided and terms else ""
-    if findings["verdict"] == "unconfirmed":
-        guess = "Suggested, but not confirmed: "
+    if not is_confirmed(findings):
+        guess = f"{SUGGESTED}: "
     added = [term for term in terms if term["equation"] is not None]
     missing = [term["says"] for term in added]
     if len(added) > FEW:

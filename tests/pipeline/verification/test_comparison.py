@@ -12,6 +12,7 @@ from dashred.core.findings.schema import Comparison
 from dashred.pipeline.verification.comparison import (
     compare_held_out,
     confirmed,
+    misfits_at_sensors,
 )
 from dashred.pipeline.verification.predictions import Array, Predictions
 from tests import laws
@@ -126,10 +127,47 @@ def test_only_a_verdict_with_a_law_becomes_unconfirmed(tmp_path: Path) -> None:
     law = laws.law([laws.term(system, "u", "u")], [0.1])
     worse = compared(predictions(np.full(80, 0.2), np.full(80, 0.5)))
     better = compared(predictions(np.full(80, 0.5), np.full(80, 0.2)))
-    assert confirmed("missing-term", law, [better, worse]) == "unconfirmed"
-    assert confirmed("ambiguous", law, [worse]) == "unconfirmed"
-    assert confirmed("missing-term", law, [better]) == "missing-term"
-    assert confirmed("missing-term", law, []) == "missing-term"
-    assert confirmed("outside-library", laws.law(), [worse]) == "outside-library"
-    assert confirmed("sensor-fault", laws.law(), [worse]) == "sensor-fault"
-    assert confirmed("not-converged", law, [worse]) == "not-converged"
+    far = {"s1": 9.0}
+    assert confirmed("missing-term", law, [better, worse], {}, False) == "unconfirmed"
+    assert confirmed("ambiguous", law, [worse], {}, False) == "unconfirmed"
+    assert confirmed("missing-term", law, [better], far, True) == "missing-term"
+    assert confirmed("missing-term", law, [], {}, False) == "missing-term"
+    assert confirmed("outside-library", laws.law(), [worse], far, True) == "outside-library"
+    assert confirmed("nothing-missing", laws.law(), [worse], far, True) == "nothing-missing"
+    assert confirmed("not-converged", law, [worse], far, True) == "not-converged"
+
+
+def test_sensor_faults_alone_are_unconfirmed_if_other_sensors_disagree() -> None:
+    def kind(misfits: dict[str, float], is_local: bool) -> str:
+        return confirmed("sensor-fault", laws.law(), [], misfits, is_local)
+
+    assert kind({"s1": 9.0}, False) == "unconfirmed"
+    assert kind({"s1": np.inf, "s2": 4.0, "s3": 1.0}, False) == "unconfirmed"
+    assert kind({"s1": 1.0}, True) == "unconfirmed"
+    # A test sensor may err itself.
+    assert kind({"s1": 30.0, "s2": 1.0, "s3": 1.1}, False) == "sensor-fault"
+    assert kind({}, False) == "sensor-fault"
+
+
+@pytest.mark.parametrize(("shift", "expected"), [(0.0, 1.0), (0.4, np.hypot(8, 1))])
+def test_the_misfit_at_sensors_is_in_standard_deviations_of_the_noise(
+    shift: float, expected: float
+) -> None:
+    part = predictions(np.zeros(80), np.full(80, shift))
+    found = misfits_at_sensors([part, part], {"a": SIGMA, "b": 2 * SIGMA})
+    assert found == pytest.approx({"a": expected, "b": expected / 2}, rel=0.1)
+    scaled = replace(part, scale=np.full(2, 5.0))
+    assert misfits_at_sensors([scaled], {"a": SIGMA, "b": 2 * SIGMA}) == pytest.approx(found)
+
+
+def test_a_run_that_blows_up_has_an_infinite_misfit_and_missing_samples_do_not_count() -> None:
+    part = predictions(np.zeros(80), np.zeros(80))
+    noise = {"a": SIGMA, "b": SIGMA}
+    gaps = part.recorded.copy()
+    gaps[::2, 0] = np.nan
+    gaps[:, 1] = np.nan
+    missing = misfits_at_sensors([replace(part, recorded=gaps)], noise)
+    assert missing == pytest.approx({"a": 1.0}, rel=0.2)
+    assert misfits_at_sensors([], noise) == {}
+    lost = part.read | {"corrected": np.where(TIMES[:, None] > 5, np.nan, TRUTH)}
+    assert misfits_at_sensors([replace(part, read=lost)], noise) == {"a": np.inf, "b": np.inf}

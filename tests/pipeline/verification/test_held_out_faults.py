@@ -22,7 +22,7 @@ from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nomi
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.pipeline.problem import Problem, build_problem
-from dashred.pipeline.verification.held_out_faults import held_out_faults
+from dashred.pipeline.verification.held_out_faults import err_next_to, held_out_faults
 from tests import laws
 
 TEXT = """
@@ -112,3 +112,20 @@ def test_beside_another_start_no_slow_error_is_told(tmp_path: Path) -> None:
     problem, analysis = build(tmp_path, build(tmp_path, None)[0].split.test[0])
     analysis.discovery.best = replace(analysis.discovery.best, start_prior_factor=8.0)
     assert held_out_faults(problem, cast(Any, analysis)) == []
+
+
+def test_a_sensor_that_errs_next_to_a_fitted_one_is_told_apart_from_a_distant_one(
+    tmp_path: Path,
+) -> None:
+    problem, _ = build(tmp_path, None)
+    held_out = [*problem.split.validate, *problem.split.test]
+    [place] = [j for j, name in enumerate(NAMES) if name == held_out[0]]
+
+    def fault(name: str, kind: str = "bias") -> Any:
+        return SimpleNamespace(sensor=name, kind=kind)
+
+    other = [fault(held_out[0])]
+    assert err_next_to(problem, [fault(NAMES[place - 1])], other)
+    assert not err_next_to(problem, [fault(NAMES[(place + 5) % 10])], other)
+    assert not err_next_to(problem, [fault(NAMES[place - 1], "stuck")], other)
+    assert not err_next_to(problem, [], other) and not err_next_to(problem, other, [])

@@ -82,6 +82,7 @@ def found(**changed: Any) -> Any:
         own_error=None,
         chi2=1.02,
         unexplained=0.04,
+        misfit_at_test_sensors=None,
         test_sensors=errors_by_method(
             simulation_same_start=0.61, simulation_refit=0.4, corrected=0.05, shred=0.3
         ),

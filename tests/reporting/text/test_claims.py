@@ -70,6 +70,7 @@ def found(*comparisons: Comparison, **changed: Any) -> Any:
         own_error=None,
         chi2=1.0,
         unexplained=0.0,
+        misfit_at_test_sensors=None,
         test_sensors=errors_by_method(
             simulation_same_start=0.9, simulation_refit=0.21, corrected=0.52
         ),
@@ -96,7 +97,8 @@ def text_of(findings: Any) -> str:
 def test_an_unconfirmed_law_is_a_suggestion_with_the_comparison_that_failed() -> None:
     lines = verdict_lines(found(BETTER, WORSE))
     assert lines[:3] == [
-        "Verdict: unconfirmed: a law fits the recording, but the held-out data contradict it.",
+        "Verdict: unconfirmed: an explanation fits the recording, but the held-out data contradict "
+        "it.",
         "  At the test sensors the error is 0.52 with the suggested law, and 0.21 for the "
         "simulation from its best start. The mean squared error is larger by 0.23 ± 0.05 (99 % "
         "interval).",
@@ -106,6 +108,27 @@ def test_an_unconfirmed_law_is_a_suggestion_with_the_comparison_that_failed() ->
     shown = page(found(BETTER, WORSE), {}, "")
     assert lines[1].strip() in shown and "They are suggested, but not confirmed." in shown
     assert "suggested" not in text_of(found(BETTER, WORSE, verdict="missing-term")).lower()
+
+
+def test_unconfirmed_faults_are_told_with_the_misfits_at_the_test_sensors() -> None:
+    says = "the readings of sensor s08 wander"
+    cause = {"kind": "sensor-fault", "probability": 0.98, "says": says}
+    told = found(causes=[cause], terms=[], where=None)
+    told["fit"]["misfit_at_test_sensors"] = {"s03": 8.61, "s07": None}
+    lines = verdict_lines(told)
+    assert lines[1:3] == [
+        "  If only these sensors erred, the simulation would agree with the sensors that no fit "
+        "has used, or only distant ones would err as well. It does not: an effect that the "
+        "simulation lacks is more likely. Errors in standard deviations of the noise: 8.61 at s03, "
+        "beyond all bounds at s07.",
+        "  Suggested, but not confirmed: the readings of sensor s08 wander.",
+    ]
+    assert headline(told) == (
+        "There is no confirmed result: faulty sensors would explain the readings used in the fit, "
+        "but sensors not used in any fit disagree with the simulation, too."
+    )
+    confirmed = verdict_lines(told | {"verdict": "sensor-fault"})
+    assert "  The readings of sensor s08 wander." in confirmed
 
 
 def test_the_headline_of_an_unconfirmed_law_names_the_data_that_contradict_it() -> None:

@@ -45,6 +45,7 @@ def findings_with(latent: Latent | None = None, **errors: float) -> Any:
         own_error=None,
         chi2=None,
         unexplained=None,
+        misfit_at_test_sensors=None,
         test_sensors=errors_by_method(**errors),
         heldout_time=errors_by_method(),
         heldout_restarted=errors_by_method(),

@@ -17,7 +17,7 @@ from dashred.inference.hypotheses.comparison.comparison import Additions, Compar
 from dashred.inference.hypotheses.comparison.faults_beside_laws import (
     forcing_gain_beside,
     forcing_gain_over,
-    has_neighbouring_curves,
+    has_neighbouring_faults,
     is_curves_alone,
     refit_rivals_beside_faults,
     search_faults_beside_best,
@@ -115,8 +115,8 @@ def compare_hypotheses(
     leader = min(fits, key=by_score)
     # A source is compared with laws in a window as well: a steady one may be a term in a region.
     is_simple = len(leader.law.candidates) <= MAX_SIMPLE_TERMS and leader.law.source is None
-    # Neighbouring sensors that wander may see a law that acts in a region.
-    is_simple = is_simple and not has_neighbouring_curves(leader)
+    # Neighbouring sensors that err may see a law that acts in a region.
+    is_simple = is_simple and not has_neighbouring_faults(leader)
     if leader is not fits[0] and is_simple and leader.law.chi2 < MAX_EXPLAINED_CHI2:
         forcing_gain = 0.0
     elif source.is_clear:

@@ -15,6 +15,7 @@ from dashred.inference.hypotheses.free_forcing import FreeForcing, evidence, fit
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, by_score, refit
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN
 from dashred.inference.hypotheses.sensors.fault_fits import fit_sensor_hypotheses
+from dashred.inference.sensor_faults.fault_table import DISTINCT_KINDS
 from dashred.inference.sensor_faults.neighbours import has_neighbours
 
 
@@ -77,12 +78,15 @@ def forcing_gain_beside(fit: HypothesisFit, tendency_rms: Tensor) -> float:
     return fit_free_forcing(sound, phi, tendency_rms)[1]
 
 
-def has_neighbouring_curves(fit: HypothesisFit) -> bool:
-    """Tell whether sensors that are next to each other wander under a hypothesis."""
+def has_neighbouring_faults(fit: HypothesisFit) -> bool:
+    """Tell whether sensors that are next to each other err under a hypothesis.
+
+    Sensors that are stuck or have spikes do not count: no law has such an effect.
+    """
     model, law = fit.objective.forward_model, fit.law
-    wandering = {fault.sensor for fault in law.faults if fault.kind == "wandering"}
+    erring = {fault.sensor for fault in law.faults if fault.kind not in DISTINCT_KINDS}
     sensors = model.sensors.operator.sensors
-    chosen = [sensor for sensor in sensors if sensor.name in wandering]
+    chosen = [sensor for sensor in sensors if sensor.name in erring]
     return has_neighbours(sensors, chosen, model.simulator.system.axes)
 
 

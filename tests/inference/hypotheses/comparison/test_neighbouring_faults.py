@@ -1,4 +1,4 @@
-"""Wandering sensors that are next to each other are told apart from distant ones."""
+"""Erring sensors that are next to each other are told apart from distant ones."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, cast
 import pytest
 
 from dashred.data.sensors import Sensor
-from dashred.inference.hypotheses.comparison.faults_beside_laws import has_neighbouring_curves
+from dashred.inference.hypotheses.comparison.faults_beside_laws import has_neighbouring_faults
 from dashred.physics.grids.grid import Axis
 
 SENSORS = tuple(Sensor(f"s{j}", "u", (float(j),)) for j in range(8))
@@ -19,11 +19,12 @@ SENSORS = tuple(Sensor(f"s{j}", "u", (float(j),)) for j in range(8))
     [
         ({"s2": "wandering", "s3": "wandering"}, True),
         ({"s2": "wandering", "s5": "wandering"}, False),
-        ({"s2": "wandering", "s3": "bias"}, False),
+        ({"s2": "misplaced", "s3": "bias"}, True),
+        ({"s2": "wandering", "s3": "stuck"}, False),
         ({}, False),
     ],
 )
-def test_only_curves_of_neighbours_count(faults: dict[str, str], expected: bool) -> None:
+def test_only_faults_that_a_law_may_imitate_count(faults: dict[str, str], expected: bool) -> None:
     told = [SimpleNamespace(sensor=name, kind=kind) for name, kind in faults.items()]
     system = SimpleNamespace(axes=(Axis("x", 8.0, 16),))
     model = SimpleNamespace(
@@ -33,4 +34,4 @@ def test_only_curves_of_neighbours_count(faults: dict[str, str], expected: bool)
     fit = SimpleNamespace(
         objective=SimpleNamespace(forward_model=model), law=SimpleNamespace(faults=told)
     )
-    assert has_neighbouring_curves(cast(Any, fit)) is expected
+    assert has_neighbouring_faults(cast(Any, fit)) is expected
