@@ -148,7 +148,8 @@ def _noise(
 ) -> NoiseModel:
     """Return the noise of all sensors, with the correlation of the fitted ones."""
     found = analysis.discovery.noise
-    std = noise_of_sensors(problem, analysis, names)
+    by_name = noise_of_sensors(problem, analysis, names)
+    std = torch.tensor([by_name[name] for name in names], dtype=torch.float64)
     correlation = torch.full_like(std, float(found.correlation.max()))
     available = ~recorded.isnan()
     episodes = len(problem.episodes)

@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-import torch
-from torch import Tensor
+from collections.abc import Sequence
+from statistics import median
 
 from dashred.data.noise_level import noise_std
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.problem import Problem
 
 
-def noise_of_sensors(problem: Problem, analysis: Analysis, names: tuple[str, ...]) -> Tensor:
-    """Return σ of the noise of each sensor, ``(sensor,)``.
+def noise_of_sensors(
+    problem: Problem, analysis: Analysis, names: Sequence[str]
+) -> dict[str, float]:
+    """Return σ of the noise of each named sensor.
 
     σ of a fitted sensor is that of the residuals. σ of another sensor is the stated one, or an
     estimate from its traces, times the median ratio of both at the fitted sensors.
     """
-    fitted = problem.split.fit.names
-    found = analysis.discovery.noise.std[: len(fitted)]
+    # The noise is the same in all episodes.
+    found = dict(zip(problem.split.fit.names, analysis.discovery.noise.std.tolist(), strict=False))
     stated = problem.noise | _noise_of_test_sensors(problem)
-    ratio = (found / torch.tensor([stated[name] for name in fitted], dtype=torch.float64)).median()
-    others = torch.tensor([stated[name] for name in names], dtype=torch.float64)
-    by_name = dict(zip(fitted, found, strict=True))
-    values = [by_name.get(name, ratio * other) for name, other in zip(names, others, strict=True)]
-    return torch.stack(values)
+    ratio = median(std / stated[name] for name, std in found.items())
+    return {name: found.get(name, ratio * stated[name]) for name in names}
 
 
 def _noise_of_test_sensors(problem: Problem) -> dict[str, float]:

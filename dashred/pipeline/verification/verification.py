@@ -68,9 +68,8 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     predictions = predict_held_out(problem, analysis)
     comparisons = compare_held_out(predictions)
     kind, causes = verdict(discovered, left, problem.fault_details)
-    tested = problem.split.tested.names
-    noise = noise_of_sensors(problem, analysis, tested).tolist()
-    misfits = misfits_at_sensors(predictions["test_sensors"], dict(zip(tested, noise, strict=True)))
+    noise = noise_of_sensors(problem, analysis, problem.split.tested.names)
+    misfits = misfits_at_sensors(predictions["test_sensors"], noise)
     faults = [] if kind == "not-converged" else held_out_faults(problem, analysis)
     is_local = err_next_to(problem, discovered.best.faults, faults)
     kind = confirmed(kind, discovered.best, comparisons, misfits, is_local)

@@ -10,14 +10,13 @@ import pytest
 import torch
 
 from dashred.config import load_config
-from dashred.physics.solvers.simulate import simulate
-from dashred.physics.system import System
 from dashred.pipeline.problem import Problem, build_problem
 from dashred.pipeline.simulation.ensembles import simulate_nudged_ensemble
 from dashred.pipeline.simulation.nominal_run import NominalRun, simulate_nominal
 from dashred.pipeline.simulation.nudging import is_lost
 from dashred.pipeline.simulation.resolution_check import check_discretisation
 from tests.pipeline.simulation.conftest import SHORT_RUN
+from tests.ring_recording import write_ring_recording
 
 SYSTEM = """
 system:
@@ -36,9 +35,8 @@ splits: {sensors: {validate: 1, test: 1, extra: 0}}
 simulation: {members: 16, held_out: 4, terms: 1}"""
     + SHORT_RUN
 )
-PLACES = np.linspace(0, 10, 9)[:-1] + 0.3
 TIMES = torch.linspace(0, 6, 61, dtype=torch.float64)
-NOISE = 0.01
+SENSORS, NOISE = 8, 0.01
 
 
 @pytest.fixture(scope="module")
@@ -46,27 +44,7 @@ def growth(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The configuration of the simulator without its saturation, beside a recording."""
     folder = tmp_path_factory.mktemp("growth")
     complete = SYSTEM.replace("SATURATION", " - u**3")
-    (folder / "truth.yaml").write_text(
-        complete + "recording: {twin: a, sensors: 1, noise: 0, duration: 4, every: 0.1}\n"
-    )
-    config = load_config([f"conf={folder / 'truth.yaml'}"], entry="test")
-    system = System(config.system, config.where)
-    x = system.grid.coordinates["x"]
-    start = (0.51 + 0.28 * torch.cos(2 * torch.pi * x / 10))[None, None]
-    states = simulate(system, start, TIMES)[0, :, 0]
-    rng = np.random.default_rng(2)
-    exact = np.stack([np.interp(PLACES, x.numpy(), row, period=10.0) for row in states.numpy()])
-    readings = exact + NOISE * rng.standard_normal(exact.shape)
-    names = [f"s{i}" for i in range(len(PLACES))]
-    np.savetxt(
-        folder / "recording.csv",
-        np.column_stack([TIMES.numpy(), readings]),
-        delimiter=",",
-        header=",".join(["time", *names]),
-        comments="",
-    )
-    rows = [f"{name},u,{place}" for name, place in zip(names, PLACES, strict=True)]
-    (folder / "sensors.csv").write_text("\n".join(["name,field,x", *rows]) + "\n")
+    write_ring_recording(folder, complete, (0.51, 0.28), TIMES, SENSORS, NOISE)
     (folder / "growth.yaml").write_text(SYSTEM.replace("SATURATION", "") + REST)
     return folder / "growth.yaml"
 
@@ -97,7 +75,7 @@ def test_the_corrected_run_uses_the_fitted_readings_alone(
 ) -> None:
     problem, nominal = runs
     table = np.loadtxt(growth.parent / "recording.csv", delimiter=",", skiprows=1)
-    names = [f"s{i}" for i in range(len(PLACES))]
+    names = [f"s{i}" for i in range(SENSORS)]
     held_out = [1 + names.index(n) for n in names if n not in problem.split.fit.names]
     table[:, held_out] += 5.0
     table[len(problem.split.fit.times) :, 1:] += 5.0
