@@ -14,14 +14,14 @@ from torch import Tensor
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import growing_horizon_fits
 from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_forcing_nearby
+from dashred.inference.hypotheses.result import MAX_EXPLAINED_CHI2
 
 # Smallest share of the record that is searched, and growth factor of the horizon before it.
 SHARE, GROWTH = 0.2, 1.5
 # Misfit beyond the noise that tells a place from others: causes that differ by less in F are alike.
 MIN_EXCESS = 100.0
-# A cause that leaves a larger χ²/n has lost the recording, and over the whole record it explains it
-# if it leaves no more than this.
-MAX_CHI2, EXPLAINED_CHI2 = 1.5, 1.1
+# A cause that leaves a larger χ²/n has lost the recording.
+MAX_CHI2 = 1.5
 
 
 @dataclass(frozen=True)
@@ -77,4 +77,4 @@ def follows(problem: LeastSquaresProblem, chi2: float) -> bool:
 
 def explains(problem: LeastSquaresProblem, chi2: float) -> bool:
     """Return whether a misfit over the whole record is noise."""
-    return chi2 < EXPLAINED_CHI2 * problem.noise.count
+    return chi2 < MAX_EXPLAINED_CHI2 * problem.noise.count

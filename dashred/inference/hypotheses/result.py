@@ -16,6 +16,8 @@ MIN_FORCING_GAIN = 4.0
 # A rival within this score difference is as good as the best law
 # (docs/method.md#ambiguity-and-convergence).
 AMBIGUITY_MARGIN = 6.0
+# Below this χ²/n a hypothesis explains what it is fitted to.
+MAX_EXPLAINED_CHI2 = 1.1
 
 
 @dataclass(frozen=True)

@@ -47,11 +47,8 @@ from dashred.inference.hypotheses.hypothesis_fit import (
     HypothesisFit,
     by_score,
 )
-from dashred.inference.hypotheses.result import MIN_FORCING_GAIN
+from dashred.inference.hypotheses.result import MAX_EXPLAINED_CHI2, MIN_FORCING_GAIN
 from dashred.inference.hypotheses.windows.threshold_likelihood import profile_threshold
-
-# Below this χ²/n, under the noise that a free forcing leaves, a fit needs no further terms.
-MAX_EXPLAINED_CHI2 = 1.1
 
 
 def compare_hypotheses(
@@ -113,7 +110,8 @@ def compare_hypotheses(
         )
         fits += source.fits
     leader = min(fits, key=by_score)
-    # A source is compared with laws in a window as well: a steady one may be a term in a region.
+    # A simple fit that explains the recording, under the noise that a free forcing leaves, needs no
+    # other terms. A source is compared with laws in a window: it may be a term in a region.
     is_simple = len(leader.law.candidates) <= MAX_SIMPLE_TERMS and leader.law.source is None
     # Neighbouring sensors that err may see a law that acts in a region.
     is_simple = is_simple and not has_neighbouring_faults(leader)

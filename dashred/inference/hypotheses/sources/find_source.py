@@ -11,6 +11,7 @@ from torch import Tensor
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.free_forcing import FreeForcing
+from dashred.inference.hypotheses.result import MAX_EXPLAINED_CHI2
 from dashred.inference.hypotheses.sources.courses import Periodic
 from dashred.inference.hypotheses.sources.screening import (
     WIDEST,
@@ -28,8 +29,6 @@ from dashred.physics.system import Term
 
 # A source has to explain this share of the misfit beyond noise, on the coarse mesh and in a fit.
 MIN_SCREENED_SHARE, MIN_EXPLAINED_SHARE = 0.5, 0.9
-# Below this χ²/n a source explains the recording.
-MAX_EXPLAINED_CHI2 = 1.1
 # A kind of source is fitted if it explains at most this share of the misfit less than the best. Its
 # fit may lower the score, because the mesh is coarser than a bump.
 NEAR = 0.05
