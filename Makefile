@@ -4,6 +4,9 @@
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+# Python compiles a module once and keeps the bytecode, also where the environment forbids that, as
+# many containers do. Tests start many processes.
+export PYTHONDONTWRITEBYTECODE :=
 
 .DEFAULT_GOAL := help
 .PHONY: help setup rde test test-all lint docs ui
@@ -46,13 +49,12 @@ $(BIN)/pip:
 
 # pip resolves although the lock is complete: torch's build on PyPI for Linux needs CUDA libraries
 # that its CPU wheel, and so the lock, does not have. --no-compile: most of what is installed is
-# never imported. What a run imports is compiled here, also where the environment forbids Python to
-# write bytecode, as many containers do: without it each of a run's processes spends 5 s more. The
-# stamp is written last, so that an install that was cut short is taken up again.
+# never imported. What a run imports is compiled here: without bytecode each of a run's processes
+# spends 5 s more. The stamp is written last, so that an install that was cut short is taken up again.
 $(READY): requirements.lock pyproject.toml | $(BIN)/pip
 	@echo "installing into $(VENV): some minutes, this once"
 	$(BIN)/python -m pip install -qq --no-compile --requirement requirements.lock
 	$(BIN)/python -m pip install -qq --no-deps --no-build-isolation --editable .
-	PYTHONDONTWRITEBYTECODE= $(BIN)/python -c "import dashred.pipeline.outputs.report, dashred.evaluation.twins.scoring, \
+	$(BIN)/python -c "import dashred.pipeline.outputs.report, dashred.evaluation.twins.scoring, \
 	    lightning, mlflow.pytorch, mlflow.store.tracking.sqlalchemy_store, xarray"
 	@touch $@

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -16,6 +17,8 @@ from typing import ClassVar
 import pytest
 import torch
 from hypothesis import settings
+
+from dashred.core.mlflow.store import open_store
 
 torch.set_num_threads(1)
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -79,6 +82,21 @@ def own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(folder))
         yield folder
+
+
+@pytest.fixture(scope="session")
+def empty_store(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The database of an empty MLflow store: creating its tables takes seconds."""
+    root = tmp_path_factory.mktemp("store")
+    open_store(str(root), "empty")
+    return root / "mlflow.db"
+
+
+def copy_store(empty_store: Path, root: Path) -> None:
+    """Put an empty store into a folder, unless it has one."""
+    if not root.exists():
+        root.mkdir(parents=True)
+        shutil.copy(empty_store, root)
 
 
 @pytest.fixture(scope="session")
@@ -191,12 +209,14 @@ def train(
     processes: list[list[str]],
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
+    empty_store: Path,
     capfd: pytest.CaptureFixture[str],
 ) -> Run:
     """``train(*words)``: run the command in this process, by default without figures."""
 
     def run(*words: str, folder: Path = tmp_path, figures: bool = False) -> Ended:
         output, root = folder / "output", folder / "mlruns"
+        copy_store(empty_store, root)
         if not figures:
             monkeypatch.setattr("dashred.pipeline.outputs.report.report", lambda *_: [])
             monkeypatch.setattr("dashred.evaluation.twins.truth_figures.draw_truth", lambda *_: [])

@@ -83,8 +83,10 @@ Cause = TypedDict(
         "axis": str | None,
         "episode": str | None,
         "curve": list[FaultCurve] | None,
-        # Outside the library: the evidence for a free forcing.
+        # Outside the library: the evidence for a free forcing, or the residuals of the best law in
+        # standard deviations of the traces.
         "gain": float,
+        "residual": float,
         # Not converged.
         "reason": NotConverged,
         "samples": int,

@@ -17,6 +17,9 @@ from dashred.inference.results.posterior_probabilities import posterior_probabil
 # If a larger share of the misfit is not noise, no start alone explains the recording: the residuals
 # are then twice the noise. Of 267 compared runs, all above this limit were wrong.
 UNEXPLAINED = 0.75
+# A law that leaves so much of the misfit, and residuals of this size in standard deviations of the
+# traces, is only the nearest one.
+LARGE_RESIDUAL = 0.2
 # The fit of a law is incomplete if its misfit exceeds that of all candidates by this factor.
 STUCK = 1.5
 
@@ -49,7 +52,10 @@ FaultDetails = Callable[[SensorFault], FaultySensor]
 
 
 def verdict(
-    discovery: Discovery, unexplained: float | None = None, details: FaultDetails = describe_fault
+    discovery: Discovery,
+    unexplained: float | None = None,
+    details: FaultDetails = describe_fault,
+    residual: float = 0.0,
 ) -> tuple[Verdict, list[Cause]]:
     """Return the verdict and its causes, the most probable first.
 
@@ -62,12 +68,17 @@ def verdict(
         unexplained: share of the misfit of the best law that is not noise, if known
             (:func:`unexplained_share`).
         details: describes a fault of a sensor as data.
+        residual: σ of the residuals of the best law in standard deviations of the traces, as the
+            median over the sensors.
     """
     if reason := _not_converged(discovery, unexplained):
         return "not-converged", [reason]
     causes = _causes(discovery, details)
     if discovery.forcing_gain > MIN_FORCING_GAIN:
         return "outside-library", [_outside(discovery), *causes]
+    left = unexplained or 0.0
+    if discovery.best.candidates and left > UNEXPLAINED and residual > LARGE_RESIDUAL:
+        return "outside-library", [_nearest(left, residual), *causes]
     kinds = {_kind(law) for law in (discovery.best, *discovery.rivals)}
     # Rivals do not make the verdict ambiguous if all are laws of the extended library.
     is_clear = not discovery.rivals or kinds == {"outside-library"}
@@ -173,6 +184,17 @@ def _outside(discovery: Discovery) -> Cause:
         "probability": None,
         "where": None,
         "gain": discovery.forcing_gain,
+    }
+
+
+def _nearest(unexplained: float, residual: float) -> Cause:
+    """Return the cause for a law that leaves much of the misfit: it is only the nearest one."""
+    return {
+        "kind": "outside-library",
+        "probability": None,
+        "where": None,
+        "unexplained": unexplained,
+        "residual": residual,
     }
 
 

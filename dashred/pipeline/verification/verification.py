@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import torch
 import xarray as xr
 
 from dashred.config import config_sha256, frozen_input
@@ -67,7 +68,9 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     )
     predictions = predict_held_out(problem, analysis)
     comparisons = compare_held_out(predictions)
-    kind, causes = verdict(discovered, left, problem.fault_details)
+    scale = torch.from_numpy(problem.split.fit.trace_scale())
+    residual = float((discovered.noise.std[: len(names)] / scale).median())
+    kind, causes = verdict(discovered, left, problem.fault_details, residual)
     noise = noise_of_sensors(problem, analysis, problem.split.tested.names)
     misfits = misfits_at_sensors(predictions["test_sensors"], noise)
     faults = [] if kind == "not-converged" else held_out_faults(problem, analysis)

@@ -50,6 +50,13 @@ def cause_text(cause: Cause, units: Mapping[str, str] = NO_UNITS) -> str | None:
                 f"what the best law leaves unexplained gains {cause['gain']:.3g} in evidence; no "
                 "law of the library expresses what is missing, and the given terms are the nearest"
             )
+        case "outside-library" if "residual" in cause:
+            return (
+                f"the best law leaves residuals of {cause['residual']:.2g} standard deviations of "
+                f"the readings; {percent(cause['unexplained'])} of this misfit is neither the "
+                "stated noise nor noise that is visible in the traces. The given law is only the "
+                "nearest"
+            )
         case "outside-library" if "source" in cause:
             return "no law of the library explains the recording; a localised source does"
         case "outside-library":

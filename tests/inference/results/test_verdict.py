@@ -161,6 +161,18 @@ def test_twice_the_noise_without_a_law_has_not_converged(flow: System, widened: 
     assert verdict(laws.discovery(lawless, forcing_gain=30.0), 0.83)[0] == "outside-library"
 
 
+def test_a_law_that_leaves_large_residuals_is_only_the_nearest(flow: System) -> None:
+    discovery = laws.discovery(laws.law([laws.term(flow, "u", "u")], [0.1]))
+    found, [outside, nearest] = verdict(discovery, 0.83, residual=0.25)
+    assert found == outside["kind"] == "outside-library" and outside["probability"] is None
+    assert "0.25 standard deviations" in str(cause_text(outside))
+    assert "83 %" in str(cause_text(outside)) and nearest["terms"] == ["u: u"]
+    # Noise that is stated or visible may be as large, and real systems leave small residuals.
+    assert verdict(discovery, 0.5, residual=0.25)[0] == "missing-term"
+    assert verdict(discovery, 0.99, residual=0.05)[0] == "missing-term"
+    assert verdict(discovery, None, residual=0.25)[0] == "missing-term"
+
+
 def test_the_unexplained_share_is_relative_to_the_stated_noise() -> None:
     seen = torch.ones(10, 2, dtype=torch.bool)
     found = NoiseModel(torch.tensor([0.2, 0.2]).double(), torch.zeros(2).double(), seen)
