@@ -163,7 +163,7 @@ def test_twice_the_noise_without_a_law_has_not_converged(flow: System, widened: 
 
 def test_a_law_that_leaves_large_residuals_is_only_the_nearest(flow: System) -> None:
     discovery = laws.discovery(laws.law([laws.term(flow, "u", "u")], [0.1]))
-    found, [outside, nearest] = verdict(discovery, 0.83, residual=0.25)
+    found, [outside, nearest, *_] = verdict(discovery, 0.83, residual=0.25)
     assert found == outside["kind"] == "outside-library" and outside["probability"] is None
     assert "0.25 standard deviations" in str(cause_text(outside))
     assert "83 %" in str(cause_text(outside)) and nearest["terms"] == ["u: u"]
