@@ -37,10 +37,10 @@ def compressed_search(
     targets, designs = [], []
     size = RELATIVE_STEP * scales
     for step, column in zip(steps, columns, strict=True):
-        base = encoder(step.ends, step.forecast)
+        moves = size.reshape(-1, *(1,) * (column.dim() - 2)) * column
+        base, moved = encoder.linearise(step.ends, step.forecast, moves)
         targets.append(encoder(step.ends, fields[step.ends]) - base)
-        moved = [encoder(step.ends, step.forecast + h * column[:, j]) for j, h in enumerate(size)]
-        designs.append(_differences(moved, base, size))
+        designs.append(moved / size[:, None])
     return _blocks(targets, designs)
 
 
@@ -72,25 +72,18 @@ def compressed_advancing(
         scales: natural scale of each coefficient, for the finite differences.
     """
     targets, designs = [], []
+    size = RELATIVE_STEP * scales
     for step, dt in zip(steps, duration.tolist(), strict=True):
         start = fields[step.begins]
-        base = encoder(step.begins, start)
+        theta = evaluate_terms(system, library, start, float(step.time))
+        moves = start.new_zeros(len(start), len(library), *start.shape[1:])
+        for j, (term, h) in enumerate(zip(library, size.tolist(), strict=True)):
+            moves[:, j, system.fields.index(term.equation)] = h * dt * theta[j]
+        base, moved = encoder.linearise(step.begins, start, moves)
         simulated = encoder(step.ends, step.forecast) - base
         targets.append(measured[step.ends] - measured[step.begins] - simulated)
-        theta = evaluate_terms(system, library, start, float(step.time))
-        size = RELATIVE_STEP * scales
-        moved = []
-        for j, (term, h) in enumerate(zip(library, size.tolist(), strict=True)):
-            state = start.clone()
-            state[:, system.fields.index(term.equation)] += h * dt * theta[j]
-            moved.append(encoder(step.begins, state))
-        designs.append(_differences(moved, base, size))
+        designs.append(moved / size[:, None])
     return _blocks(targets, designs)
-
-
-def _differences(moved: list[Tensor], base: Tensor, size: Tensor) -> Tensor:
-    """Return finite differences per unit of each coefficient, ``(begin, term, latent)``."""
-    return (torch.stack(moved, dim=1) - base[:, None]) / size[:, None]
 
 
 def _blocks(targets: list[Tensor], designs: list[Tensor]) -> Blocks:

@@ -11,6 +11,9 @@ from torch import Tensor
 from dashred.data.observation_operator import ObservationOperator
 from dashred.models.lag_windows import windows
 
+# Step of a finite difference, in standard deviations of the reading.
+RELATIVE_STEP = 1e-3
+
 Encode = Callable[[Float[Tensor, "batch lag sensor"]], Float[Tensor, "batch latent"]]
 
 
@@ -38,10 +41,35 @@ class HistoryEncoder:
         self, times: Float[Tensor, " sample"], fields: Float[Tensor, "sample ..."]
     ) -> Float[Tensor, "sample latent"]:
         """Return E of fields ``(sample, field, *grid)`` at time indices ``times``."""
-        return self.with_last(times, self.operator(fields))
+        return self._encode(times, self.operator(fields))
 
     @torch.no_grad()
-    def with_last(
+    def linearise(
+        self,
+        times: Float[Tensor, " sample"],
+        fields: Float[Tensor, "sample ..."],
+        moves: Float[Tensor, "sample term ..."],
+    ) -> tuple[Float[Tensor, "sample latent"], Float[Tensor, "sample term latent"]]:
+        """Return E of fields, and how much it changes to first order if the fields change.
+
+        E depends on a field through its readings alone. Its derivative by each reading is computed
+        once, and not for every change: there are more terms than sensors.
+
+        Args:
+            times: time indices, ``(sample,)``.
+            fields: ``(sample, field, *grid)``.
+            moves: small changes of the fields, ``(sample, term, field, *grid)``.
+        """
+        last = self.operator(fields)
+        moved = self.operator(fields[:, None] + moves) - last[:, None]
+        base = self._encode(times, last)
+        std = self.windows[:, -1].std(dim=0)
+        steps = torch.diag(RELATIVE_STEP * torch.where(std > 0, std, 1.0))
+        changed = [self._encode(times, last + step) - base for step in steps]
+        by_reading = torch.stack(changed, dim=-1) / steps.diagonal()
+        return base, moved @ by_reading.mT
+
+    def _encode(
         self, times: Float[Tensor, " sample"], last: Float[Tensor, "sample sensor"]
     ) -> Float[Tensor, "sample latent"]:
         """Return the latent of histories up to ``times`` with the last sample replaced."""
