@@ -94,23 +94,82 @@ def compile_kernel(
     rows = list(enumerate(input_signals.values, 1))
     known |= {name: f"m{row}" for row, name in rows}
     now = [f"    m{row} = at(t, {row})" for row, _ in rows]
+    body = _OverPoints(known) if coordinates else _AtPoint(known, inputs, channel_terms)
     own = [f for f in channel_terms if f.weight is None and f.window_weight is None]
-    # A loop over a single point is not vectorised, which halves the time of compilation.
-    loop = f"for i in range({'out.shape[2]' if coordinates else '1'}):"
     lines = ["def kernel(x, c, t, w, out):", *now, "    for r in range(out.shape[1]):"]
-    lines += ["        out[:, r] = 0.0"]
-    lines += _loop_code(own, known, loop, 8)
+    lines += ["        out[:, r] = 0.0", *body.begin, *body.added(own, 8)]
     terms: dict[tuple[int | None, int | None], list[ChannelTerm]] = {}
     for f in channel_terms:
         if f not in own:
             terms.setdefault((f.weight, f.window_weight), []).append(f)
-    for columns, group in terms.items():
-        a, b = (f"w[r, {column}]" if column is not None else "0.0" for column in columns)
-        lines += [f"        a, b = {a}, {b}", "        if a != 0.0 or b != 0.0:"]
-        lines += _loop_code(
-            group, known, loop, 12, "a" if columns[1] is None else WINDOWED_COEFFICIENT
-        )
-    return _compile("\n".join(lines), _window_code(factors, known, now), input_signals)
+    for (weight, window_weight), group in terms.items():
+        a = f"w[r, {weight}]" if weight is not None else "0.0"
+        if window_weight is None:
+            lines += [f"        a = {a}", "        if a != 0.0:"]
+            lines += body.added(group, 12, "a")
+        else:
+            lines += [f"        a, b = {a}, w[r, {window_weight}]"]
+            lines += ["        if a != 0.0 or b != 0.0:"]
+            lines += body.added(group, 12, WINDOWED_COEFFICIENT)
+    source = "\n".join([*lines, *body.end])
+    return _compile(source, _window_code(factors, known, now), input_signals)
+
+
+@dataclass(frozen=True)
+class _OverPoints:
+    """Code that adds functions to the channels of one row in a loop over the points."""
+
+    known: Mapping[str, str]
+    begin: Sequence[str] = ()
+    end: Sequence[str] = ()
+
+    def added(
+        self, functions: Sequence[ChannelTerm], indent: int, factor: str | None = None
+    ) -> list[str]:
+        """Return the code that adds functions, times a factor."""
+        target = "out[{}, r, i]"
+        inner = _sum_code(functions, self.known, target, factor)
+        loop = "for i in range(out.shape[2]):"
+        return _indented([loop, *_indented(inner, 4)] if inner else [], indent)
+
+
+class _AtPoint:
+    """Code that adds functions to the channels of one row at its only point.
+
+    Inputs and sums are local variables: a kernel of hundreds of terms compiles three times as fast
+    as with arrays.
+    """
+
+    def __init__(
+        self, known: Mapping[str, str], inputs: Sequence[str], functions: Sequence[ChannelTerm]
+    ) -> None:
+        channels = sorted({f.channel for f in functions})
+        self.known = {**known, **{name: f"x{j}" for j, name in enumerate(inputs)}}
+        reads = [f"x{j} = x[{j}, r, i]" for j in range(len(inputs))]
+        self.begin = _indented(["i = 0", *reads, *(f"sum{k} = 0.0" for k in channels)], 8)
+        self.end = _indented([f"out[{k}, r, i] = sum{k}" for k in channels], 8)
+
+    def added(
+        self, functions: Sequence[ChannelTerm], indent: int, factor: str | None = None
+    ) -> list[str]:
+        """Return the code that adds functions, times a factor."""
+        return _indented(_sum_code(functions, self.known, "sum{}", factor), indent)
+
+
+def _sum_code(
+    functions: Sequence[ChannelTerm], known: Mapping[str, str], target: str, factor: str | None
+) -> list[str]:
+    """Return the code that adds each function, times a factor, to the target of its channel."""
+    writer = CodeWriter(known)
+    values = [(f.channel, writer.write(f.expression)) for f in functions]
+    first = [f"f = {factor}"] if factor else []
+    times = "f * " if factor else ""
+    added = [f"{target.format(channel)} += {times}{value}" for channel, value in values]
+    return [*writer.lines, *first, *added]
+
+
+def _indented(lines: Sequence[str], indent: int) -> list[str]:
+    return [" " * indent + line for line in lines]
 
 
 def _window_code(
@@ -142,23 +201,6 @@ def _compile(source: str, window: str, input_signals: InputSignals) -> Kernel:
     scope["window"] = numba.njit(fastmath=FAST_MATH, error_model="numpy")(scope["window"])
     compiled: Kernel = numba.cfunc(KERNEL, fastmath=FAST_MATH, error_model="numpy")(scope["kernel"])
     return compiled
-
-
-def _loop_code(
-    channel_terms: Sequence[ChannelTerm],
-    known: Mapping[str, str],
-    loop: str,
-    indent: int,
-    coefficient: str | None = None,
-) -> list[str]:
-    if not channel_terms:
-        return [" " * indent + "pass"]
-    writer = CodeWriter(known)
-    values = [(f.channel, writer.write(f.expression)) for f in channel_terms]
-    inner = [*writer.lines, *([f"f = {coefficient}"] if coefficient else [])]
-    factor = "f * " if coefficient else ""
-    inner += [f"out[{channel}, r, i] += {factor}{value}" for channel, value in values]
-    return [" " * indent + loop, *(" " * (indent + 4) + line for line in inner)]
 
 
 def names_used(channel_terms: Sequence[ChannelTerm]) -> frozenset[str]:
