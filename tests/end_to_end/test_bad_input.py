@@ -79,6 +79,7 @@ def own(tmp_path: Path):
     return words
 
 
+@pytest.mark.slow
 def test_the_recording_that_the_others_spoil_is_good(quick, train, own) -> None:
     ended = train(f"conf={quick}", *own(csv_text()))
     assert ended.code == 0, ended.err

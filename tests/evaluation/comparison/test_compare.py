@@ -14,6 +14,7 @@ from dashred.evaluation import compare
 PICTURES = ("space_time_truth", "rmse_against_time", "sparsity")
 
 
+@pytest.mark.slow
 def test_every_method_on_one_recording(
     quick: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

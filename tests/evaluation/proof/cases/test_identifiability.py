@@ -28,6 +28,7 @@ def lead_of(case: Case, folder: Path) -> float:
     return score_margin(case, concealed, folder / "recording.nc")
 
 
+@pytest.mark.slow
 def test_a_law_is_the_clearer_the_more_it_does(tmp_path) -> None:
     faint, weak, strong = (
         lead_of(case_of(effect, ("v", "v**2", 1.0)), tmp_path) for effect in (0.05, 2.0, 20.0)
@@ -67,6 +68,7 @@ def test_unclear_cases_give_way_to_others(margins, draws, tmp_path, monkeypatch)
     assert (again.recording.values == found.case_truth.recording.values).all()
 
 
+@pytest.mark.slow
 def test_nobody_draws_for_ever_and_other_kinds_are_drawn_once(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(recording, "KEPT_SHARE", 0.0)
     monkeypatch.setattr(recording, "score_margin", lambda *_: 0.0)
@@ -79,6 +81,7 @@ def test_nobody_draws_for_ever_and_other_kinds_are_drawn_once(tmp_path, monkeypa
     assert record_case(null, tmp_path / "recording.nc").draws == 1
 
 
+@pytest.mark.slow
 def test_what_the_simulator_does_not_resolve_to_its_noise_is_drawn_again(
     tmp_path, monkeypatch
 ) -> None:

@@ -76,6 +76,7 @@ def test_a_region_is_found(waves: Waves) -> None:
     assert float(found.noise.std[0]) == pytest.approx(SIGMA, rel=0.12)
 
 
+@pytest.mark.slow
 def test_an_onset_is_found(waves: Waves) -> None:
     found = compare_with_term(waves, "v: 1", onset(), [4.0, math.log(0.2)], 0.15)
     best = found.laws[0]
@@ -84,6 +85,7 @@ def test_an_onset_is_found(waves: Waves) -> None:
     assert found.forcing_gain < MIN_FORCING_GAIN
 
 
+@pytest.mark.slow
 def test_a_gate_is_found_or_among_the_rivals(waves: Waves) -> None:
     found = compare_with_term(waves, "u: v**2", gate("u", 1), [0.2, math.log(0.1)], -0.4)
     near = [law for law in found.laws if law.score < found.laws[0].score + 10]
@@ -94,6 +96,7 @@ def test_a_gate_is_found_or_among_the_rivals(waves: Waves) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_term_that_acts_everywhere_needs_no_window(waves: Waves) -> None:
     best = compare_with_term(waves, "u: u**2", None, [], -0.15).laws[0]
     assert term(best) == "u: u**2" and best.window is None
@@ -123,6 +126,7 @@ def test_a_law_beyond_the_library_is_found(waves: Waves) -> None:
     assert best.score < min(law.score for law in found.laws if not law.is_extended) - 6
 
 
+@pytest.mark.slow
 def test_the_constant_of_a_law_beyond_the_library_is_fitted(waves: Waves) -> None:
     known = {str(found): found for found in waves.extended}
     offered = parse_tunable_term(known["u: sin(2*u)"])
@@ -136,6 +140,7 @@ def test_the_constant_of_a_law_beyond_the_library_is_fitted(waves: Waves) -> Non
     assert float(found.laws[0].coefficients[0]) == pytest.approx(0.3, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_wave_is_found_whatever_its_phase(waves: Waves) -> None:
     known = {str(found): found for found in waves.extended}
     names = [f"u: u*{wave}(0.6283185307179586*x)" for wave in ("sin", "cos")]
@@ -161,6 +166,7 @@ def test_a_faulty_sensor_is_found_together_with_a_law(waves: Waves) -> None:
     assert abs(fault.value - 0.4) < 4 * fault.std < 0.1
 
 
+@pytest.mark.slow
 def test_rivals_are_compared_with_the_fault_too(waves: Waves) -> None:
     """Without this the law that wins with the fault would have no rivals."""
     recorded = waves.recorded(SIGMA, 1, [(waves.everything["u: u"], -0.25)])
@@ -208,6 +214,7 @@ def test_a_fault_without_gain_is_rejected(waves: Waves, bias: float) -> None:
     assert all(bool(fit.law.faults) == bool(bias) for fit in fits[:1])
 
 
+@pytest.mark.slow
 def test_a_law_of_the_library_is_not_replaced_by_an_extended_one(waves: Waves) -> None:
     found = compare_with_term(waves, "u: u**2", None, [], 0.1)
     assert not any(law.is_extended for law in found.laws[:1])
