@@ -9,10 +9,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
+from dashred.inference.latent_sindy.step_sensitivities import RELATIVE_STEP
 from dashred.models.lag_windows import windows
-
-# Step of a finite difference, in standard deviations of the reading.
-RELATIVE_STEP = 1e-3
 
 Encode = Callable[[Float[Tensor, "batch lag sensor"]], Float[Tensor, "batch latent"]]
 

@@ -15,6 +15,7 @@ from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
 
+# Step of a finite difference, as a share of the scale of a coefficient or of the std of a reading.
 RELATIVE_STEP = 1e-3
 
 

@@ -178,15 +178,18 @@ def test_the_history_ends_with_the_given_field(system):
 def test_the_encoding_of_a_change_is_the_derivative_of_the_encoding(system):
     states = truth(system, {})
     operator = ObservationOperator(ring.SENSORS, system)
-    weights = torch.randn(6, 4, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+    generator = torch.Generator().manual_seed(0)
+    weights = 0.3 * torch.randn(6, 4, dtype=torch.float64, generator=generator)
     encoder = HistoryEncoder(lambda seen: torch.tanh(seen[:, -1] @ weights), operator, states, LAGS)
     times, fields = torch.tensor([8, 20]), states[[8, 20]]
-    moves = 1e-4 * torch.randn(2, 3, *fields.shape[1:], dtype=torch.float64)
+    shape = (2, 3, *fields.shape[1:])
+    moves = 1e-4 * torch.randn(shape, dtype=torch.float64, generator=generator)
     base, moved = encoder.linearise(times, fields, moves)
     torch.testing.assert_close(base, encoder(times, fields))
     for j in range(3):
         exact = encoder(times, fields + moves[:, j]) - base
-        torch.testing.assert_close(moved[:, j], exact, rtol=2e-3, atol=1e-7)
+        # As a share of the whole: single components may nearly cancel.
+        assert (moved[:, j] - exact).norm() < 2e-3 * exact.norm()
 
 
 def test_steps_start_with_full_histories_and_end_within_the_record(system, tmp_path):
