@@ -26,10 +26,8 @@ from dashred.inference.hypotheses.result import MIN_FORCING_GAIN, BestOfSize, Di
 from dashred.inference.hypotheses.sources.early_source import find_early_source
 from dashred.inference.hypotheses.sources.find_source import FoundSource, refit_source
 from dashred.inference.hypotheses.sources.source_law import fit_source_law
-from dashred.inference.hypotheses.windows.early_window import (
-    find_early_window,
-    is_explained_everywhere,
-)
+from dashred.inference.hypotheses.terms_everywhere import best_terms_everywhere
+from dashred.inference.hypotheses.windows.early_window import find_early_window
 from dashred.pipeline.discovery.first_guess_stage import FittedGuess
 from dashred.pipeline.discovery.hypothesis_stage import (
     compare_local_cause,
@@ -107,12 +105,12 @@ def _find_local_cause(
     part = find_first_part(null, guess.z, first_samples(null), size)
     if part is None:
         return None
-    count = len(objective.prior_std)
-    source = find_early_source(null, part, size, count, report)
+    count, everywhere = len(objective.prior_std), best_terms_everywhere(objective, part)
+    source = find_early_source(null, part, size, everywhere, count, report)
     if source is not None:
         return _source_with_own_noise(replace(exact, deadline=NEVER), nominal, source, size)
     # Windows take seconds to compile.
-    if is_explained_everywhere(objective, part):
+    if everywhere.explain:
         return None
     found = find_early_window(with_windows(problem, nominal, objective), part, count, report)
     return None if found is None else _with_own_noise(found, nominal)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import torch
@@ -88,7 +87,9 @@ def fit_sensor_hypotheses(fit: HypothesisFit, bound: float) -> list[HypothesisFi
         or (not rank and found.cost < MAX_MISFIT_SHARE * float(cost))
     ]
     fits = sorted((fit_faults(objective, found, phi) for found in chosen), key=_score)
-    fits[:MAX_REFITS] = [_refit_if_poor(each, fit.law.chi2) for each in fits[:MAX_REFITS]]
+    fits[:MAX_REFITS] = [
+        _refit_if_poor(each, fit.law.chi2, bound - penalty) for each in fits[:MAX_REFITS]
+    ]
     fits += _search_again(objective, fits)
     return [_hypothesis(each, penalty) for each in fits]
 
@@ -143,15 +144,17 @@ def _with_fault(objective: LeastSquaresProblem, fault: Fault) -> LeastSquaresPro
     return problem.with_unknowns(replace(forward_model, sensors=sensors), fault.errors.scales)
 
 
-def _refit_if_poor(fit: FittedFaults, chi2_without: float) -> FittedFaults:
+def _refit_if_poor(fit: FittedFaults, chi2_without: float, bound: float) -> FittedFaults:
     """Refit faults that explain most of the misfit but leave more than noise.
 
-    A faulty sensor may have led the first fit far from the right minimum.
+    A faulty sensor may have led the first fit far from the right minimum. The refit is given up
+    where its score exceeds the bound.
     """
     previous, count = fit.fitted, fit.objective.noise.count
     if not MAX_CHI2 < previous.chi2 / count < MAX_MISFIT_SHARE * chi2_without:
         return fit
-    return replace(fit, fitted=fit_growing_horizon(fit.objective, previous.phi, math.inf))
+    most = bound - (fit.score - previous.cost)
+    return replace(fit, fitted=fit_growing_horizon(fit.objective, previous.phi, most))
 
 
 def _hypothesis(fit: FittedFaults, penalty: float) -> HypothesisFit:

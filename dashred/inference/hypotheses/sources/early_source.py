@@ -13,7 +13,9 @@ from dashred.inference.hypotheses.sources.find_source import (
     best_source,
     refit_source,
 )
+from dashred.inference.hypotheses.sources.screening import screen_sources
 from dashred.inference.hypotheses.sources.smooth_forcing import LinearisedForcing
+from dashred.inference.hypotheses.terms_everywhere import TermsEverywhere
 
 # Growth factor of the horizon.
 GROWTH = 2.0
@@ -25,6 +27,7 @@ def find_early_source(
     null: LeastSquaresProblem,
     part: FirstPart,
     size: Tensor,
+    everywhere: TermsEverywhere,
     candidate_count: int,
     report: Report,
 ) -> FoundSource | None:
@@ -34,6 +37,8 @@ def find_early_source(
         null: F of the start alone over the whole record.
         part: the first part in which something is missing.
         size: rms of each equation's own tendency, ``(equation,)``.
+        everywhere: what the best terms that act everywhere leave over this part. If they explain
+            it, and better than a source does, no source is fitted.
         candidate_count: number of terms in the library, for the penalty of the search.
         report: progress.
 
@@ -41,6 +46,10 @@ def find_early_source(
         OutOfTimeError: the deadline of F is over.
     """
     total, horizon, problem = len(null.recorded), part.samples, part.null
+    if everywhere.explain:
+        screened, _ = screen_sources(_mesh(part.forcing), part.forcing.equations, candidate_count)
+        if everywhere.cost < min(each.score - each.penalty for each in screened):
+            return None
     found = _search(problem, part.phi, part.forcing, size, candidate_count)
     while found is not None and follows(problem, found.fit.chi2):
         level = found.fit.chi2 / problem.noise.count
@@ -68,5 +77,10 @@ def _search(
 ) -> FoundSource | None:
     """Return the best source over a part of the record, from a forcing on a coarse mesh."""
     [misfit], _ = problem.values(phi[None])
-    coarse = LinearisedForcing(forcing.objective, forcing.block, forcing.normal).without_law()
-    return best_source(problem, coarse, forcing, float(misfit), size, candidate_count, TOLERANCE)
+    mesh = _mesh(forcing)
+    return best_source(problem, mesh, forcing, float(misfit), size, candidate_count, TOLERANCE)
+
+
+def _mesh(forcing: FreeForcing) -> LinearisedForcing:
+    """Return the linearised problem of a forcing on its own coarse mesh."""
+    return LinearisedForcing(forcing.objective, forcing.block, forcing.normal).without_law()

@@ -8,7 +8,7 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import growing_horizon_fits, minimise
 from dashred.inference.hypotheses.first_part import FirstPart, explains, follows
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
-from dashred.inference.hypotheses.windows.screening import profile_out, screen
+from dashred.inference.hypotheses.windows.screening import screen
 from dashred.inference.hypotheses.windows.windowed_hypothesis import build_problem
 from dashred.inference.hypotheses.windows.windowed_laws import (
     fit_screened,
@@ -23,30 +23,8 @@ from dashred.inference.hypotheses.windows.windowed_laws import (
 TRIALS, FINALISTS, OF_LAW = 8, 3, 2
 # A term that acts everywhere, or two, that come so near are left to the search for a law.
 MARGIN = 20.0
-# One or two terms that act everywhere explain the first part if their F, linearised about a coarse
-# forcing, is below this multiple of the number of readings.
-ENOUGH = 1.3
 # Growth factor of the horizon, and the fit at each.
 GROWTH, STEPS, TOLERANCE = 1.5, 4, 0.01
-
-
-def is_explained_everywhere(objective: LeastSquaresProblem, part: FirstPart) -> bool:
-    """Return whether one or two terms that act everywhere explain the first part.
-
-    Args:
-        objective: F of all candidates over the whole record.
-        part: the first part in which something is missing.
-
-    Raises:
-        OutOfTimeError: the deadline of F is over.
-    """
-    first = objective.truncate(part.samples)
-    candidates = first.forward_model.law.candidates
-    problem = profile_out(first, part.forcing, candidates, first.prior_std)
-    singles = [(j,) for j in range(len(candidates))]
-    pairs = [(i, j) for j in range(len(candidates)) for i in range(j)]
-    least = min(float(problem.costs(sets).min()) for sets in (singles, pairs) if sets)
-    return least < ENOUGH * first.noise.count
 
 
 def find_early_window(

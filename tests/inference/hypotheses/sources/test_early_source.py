@@ -13,6 +13,7 @@ from dashred.inference.hypotheses.first_part import find_first_part
 from dashred.inference.hypotheses.sources.bump import Bump
 from dashred.inference.hypotheses.sources.early_source import find_early_source
 from dashred.inference.hypotheses.sources.find_source import FoundSource
+from dashred.inference.hypotheses.terms_everywhere import TermsEverywhere, best_terms_everywhere
 from tests.channel import Channel
 
 PLACE, WIDTH, HEIGHT = 8.2, 0.4, 0.3
@@ -26,12 +27,16 @@ def search(channel: Channel, hidden: list[tuple[str, float]], seed: int = 0) -> 
     part = find_first_part(null, phi, FIRST, channel.size)
     if part is None:
         return None
-    return find_early_source(null, part, channel.size, 4, lambda share, text: None)
+    everywhere = best_terms_everywhere(channel.objective(null.recorded, channel.library), part)
+    return find_early_source(null, part, channel.size, everywhere, 4, lambda share, text: None)
 
 
 def bump_times(channel: Channel, course: str) -> str:
     """Return a bump times a course in the equation language."""
     return f"{Bump((PLACE,), WIDTH).text(channel.system)}*{course}"
+
+
+SOURCE = f"{HEIGHT}*exp(6*(cos(2*pi*(x - {PLACE})/10) - 1))"
 
 
 def test_a_steady_source_over_the_whole_record(channel: Channel) -> None:
@@ -58,6 +63,29 @@ def test_what_acts_everywhere_is_no_source(channel: Channel, term: str, size: fl
 
 def test_noise_is_no_source(channel: Channel) -> None:
     assert search(channel, []) is None
+
+
+@pytest.mark.parametrize(("term", "is_explained"), [("-0.05*c**2", True), (SOURCE, False)])
+def test_terms_everywhere_explain_only_what_acts_everywhere(
+    channel: Channel, term: str, is_explained: bool
+) -> None:
+    recorded = channel.recorded([(term, 1.0)], seed=2)
+    null = channel.objective(recorded)
+    part = find_first_part(null, torch.zeros(null.modes, dtype=torch.float64), FIRST, channel.size)
+    assert part is not None
+    assert (
+        best_terms_everywhere(channel.objective(recorded, channel.library), part).explain
+        is is_explained
+    )
+
+
+def test_no_source_is_fitted_where_better_terms_explain(channel: Channel) -> None:
+    null = channel.objective(channel.recorded([(SOURCE, 1.0)]))
+    part = find_first_part(null, torch.zeros(null.modes, dtype=torch.float64), FIRST, channel.size)
+    assert part is not None
+    better = TermsEverywhere(0.0, null.noise.count)
+    late = replace(part, null=replace(part.null, deadline=Deadline(-math.inf)))
+    assert find_early_source(null, late, channel.size, better, 4, lambda share, text: None) is None
 
 
 def test_the_search_keeps_its_deadline(channel: Channel) -> None:
