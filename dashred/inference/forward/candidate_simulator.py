@@ -17,9 +17,11 @@ from torch import Tensor
 from dashred.inference.forward.candidates import Candidate, build_forcing
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.solvers.batch_coefficients import CoefficientLayout
+from dashred.physics.solvers.compiled_etdrk4 import CompiledETDRK4
 from dashred.physics.solvers.compiled_simulator import CompiledSystem, compile_system
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
+from dashred.physics.tangents.compiled_trajectory import CompiledTrajectory
 from dashred.physics.tangents.ode_tangents import has_ode_tangents, tangent_ode
 from dashred.physics.tangents.tangent_linear import has_spectral_tangents, tangent_linear
 from dashred.physics.window import Shape, Window
@@ -59,6 +61,7 @@ class CandidateSimulator:
         for candidate in candidates:
             self._columns[candidate.key] = [*range(first, first + len(candidate.terms))]
             first += len(candidate.terms)
+        self._places = {term: place for place, term in enumerate(self.terms)}
         self._layout = CoefficientLayout(len(self.terms), shapes)
         self.has_tangents = has_spectral_tangents(system, self.terms) or has_ode_tangents(
             system, self.terms
@@ -136,9 +139,26 @@ class CandidateSimulator:
         The columns are the directions of the start, the sources and the amplitudes of the forcing.
         """
         base = self.tangent, start, directions, times, forcing, sources
-        if self.system.axes:
-            return tangent_linear(*base, torch.float32, sampled_forcing, forcing_basis)
-        return tangent_ode(*base, sampled_forcing, forcing_basis)
+        if not self.system.axes:
+            return tangent_ode(*base, sampled_forcing, forcing_basis)
+        reference = self._compiled_trajectory(forcing, sampled_forcing)
+        return tangent_linear(*base, torch.float32, sampled_forcing, forcing_basis, reference)
+
+    def _compiled_trajectory(
+        self, forcing: Forcing, sampled_forcing: SampledForcing | None
+    ) -> CompiledTrajectory | None:
+        """Return the trajectory under a law; None if its terms are not compiled.
+
+        A simulator that is only linearised is not compiled for that.
+        """
+        compiled = vars(self).get("_run")
+        places = [self._places.get(term) for term in forcing.terms]
+        if not isinstance(compiled, CompiledETDRK4) or None in places:
+            return None
+        weights = torch.zeros((1, self._layout.count), dtype=torch.float64)
+        for place, coefficient in zip(places, forcing.coefficients[0], strict=True):
+            weights[0, place] += coefficient
+        return CompiledTrajectory(compiled.with_step(self.tangent.dt), weights, sampled_forcing)
 
     def _by_term(self, candidates: Sequence[Candidate], xi: Tensor) -> Tensor:
         weights = torch.zeros((len(xi), len(self.terms)), dtype=torch.float64)

@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import torch
 from numba.core.errors import NumbaExperimentalFeatureWarning
-from numpy.typing import NDArray
 from torch import Tensor
 
 from dashred.core.threads import in_threads
@@ -72,8 +71,8 @@ class CompiledETDRK4:
             progress: called with the fraction done.
         """
         batch = self.tendency.batch(weights.numpy(), sampled_forcing)
-        steps = step_arrays(times.tolist(), self.system.dt)
-        factors = _factors(batch.linear, steps.lengths)
+        steps = StepArrays.of(list(schedule(times.tolist(), self.system.dt)))
+        factors = etdrk4_factors(batch.linear, steps.lengths.tolist())
         fields, shape = start.shape[1], self.system.grid.shape
         states = np.full((len(start), len(times), fields, math.prod(shape)), np.nan)
         states[:, 0] = start.numpy().reshape(len(start), fields, -1)
@@ -119,22 +118,13 @@ def integrate_etdrk4(
     return compiled(start, times, forcing.coefficients, progress=progress)
 
 
-def step_arrays(times: Sequence[float], dt: float) -> StepArrays:
-    """Return equal steps of at most ``dt`` between output times."""
-    steps = list(schedule(times, dt))
-    lengths = list(dict.fromkeys(step.h for step in steps))
-    index = {h: i for i, h in enumerate(lengths)}
-    return StepArrays(
-        t=np.array([step.t for step in steps]),
-        h=np.array([index[step.h] for step in steps], dtype=np.int64),
-        lengths=np.array(lengths),
-        begins=np.array([step.begins for step in steps]),
-        ends=np.array([step.ends for step in steps]),
-    )
+def etdrk4_factors(linear: Modes, lengths: Sequence[float]) -> Modes:
+    """Return the ETDRK4 coefficients, ``(length, 6, row, field, mode)``.
 
-
-def _factors(linear: Modes, lengths: NDArray[np.float64]) -> Modes:
-    """Return the ETDRK4 coefficients, ``(length, 6, row, field, mode)``."""
+    Args:
+        linear: L, ``(row, field, *modes)``.
+        lengths: lengths of the steps.
+    """
     rates = torch.from_numpy(linear)
-    result = [torch.stack(list(coefficients(rates, h))) for h in lengths.tolist()]
+    result = [torch.stack(list(coefficients(rates, h))) for h in lengths]
     return torch.stack(result).flatten(4).contiguous().numpy()

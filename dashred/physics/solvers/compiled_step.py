@@ -9,6 +9,7 @@ different rows of one batch.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numba
@@ -17,9 +18,12 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from dashred.physics.backends.numba_backend import Array, Kernel
+from dashred.physics.solvers.schedule import Step
 
 Modes = NDArray[np.complex128]
 Indices = NDArray[np.int64]
+STAGES = 4
+"""Stages of a step."""
 
 
 class StepArrays(NamedTuple):
@@ -37,6 +41,19 @@ class StepArrays(NamedTuple):
     lengths: Array
     begins: NDArray[np.bool_]
     ends: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, steps: Sequence[Step]) -> StepArrays:
+        """Return steps as arrays."""
+        lengths = list(dict.fromkeys(step.h for step in steps))
+        index = {h: i for i, h in enumerate(lengths)}
+        return cls(
+            t=np.array([step.t for step in steps]),
+            h=np.array([index[step.h] for step in steps], dtype=np.int64),
+            lengths=np.array(lengths),
+            begins=np.array([step.begins for step in steps]),
+            ends=np.array([step.ends for step in steps]),
+        )
 
 
 class TendencyArrays(NamedTuple):
@@ -136,6 +153,57 @@ def _evaluate_nonlinear(
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
+def _advance(
+    kernel: Kernel,
+    row: int,
+    tendency: TendencyArrays,
+    factors: Modes,
+    t: float,
+    h: float,
+    shape: tuple[int, ...],
+    axes: tuple[int, ...],
+    spectra: Modes,
+    inputs: Array,
+    channels: Array,
+    modes: Modes,
+    stages: Modes,
+    rates: Modes,
+) -> None:
+    """Advance the modes ``(field, mode)`` of one trajectory by one step, in place.
+
+    Args:
+        kernel: evaluates the pointwise functions G.
+        row: index of the trajectory.
+        tendency: the nonlinear part N.
+        factors: ETDRK4 coefficients of this step, ``(6, row or 1, field, mode)``.
+        t: start time of the step.
+        h: its length.
+        shape: of the grid.
+        axes: the grid axes of an array with one leading axis.
+        spectra: work array of the inputs in modes.
+        inputs: work array of the inputs on the grid.
+        channels: work array of the channels on the grid.
+        modes: the modes.
+        stages: modes of the stages u, a, b and c, ``(4, field, mode)``; written.
+        rates: N of the stages, ``(4, field, mode)``; written.
+    """
+    place = row if factors.shape[1] > 1 else 0
+    full, half, q = factors[0, place], factors[1, place], factors[2, place]
+    first, middle, last = factors[3, place], factors[4, place], factors[5, place]
+    arguments = row, tendency, shape, axes, spectra, inputs, channels
+    stages[0] = modes
+    _evaluate_nonlinear(kernel, stages[0], t, *arguments, rates[0])
+    linear = half * modes
+    stages[1] = linear + q * rates[0]
+    _evaluate_nonlinear(kernel, stages[1], t + h / 2, *arguments, rates[1])
+    stages[2] = linear + q * rates[1]
+    _evaluate_nonlinear(kernel, stages[2], t + h / 2, *arguments, rates[2])
+    stages[3] = half * stages[1] + q * (2 * rates[2] - rates[0])
+    _evaluate_nonlinear(kernel, stages[3], t + h, *arguments, rates[3])
+    modes[:] = full * modes + first * rates[0] + middle * (rates[1] + rates[2]) + last * rates[3]
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
 def integrate_row(
     kernel: Kernel,
     row: int,
@@ -164,33 +232,82 @@ def integrate_row(
     fields, points = states.shape[2:]
     count = factors.shape[-1]
     modes = np.empty((fields, count), np.complex128)
-    n_u, n_a = np.empty_like(modes), np.empty_like(modes)
-    n_b, n_c = np.empty_like(modes), np.empty_like(modes)
-    spectra = np.empty((counts[0], count), np.complex128)
-    inputs = np.zeros((counts[0], 1, points))
-    channels = np.empty((counts[1], 1, points))
-    half_shape = shape[:-1] + (shape[-1] // 2 + 1,)
+    stages = np.empty((STAGES, fields, count), np.complex128)
+    rates = np.empty_like(stages)
+    work = _work_arrays(counts, count, points)
     saved = 0
     for i in range(len(steps.t)):
         if steps.begins[i]:
-            values = states[row, saved].copy().reshape((fields,) + shape)
-            modes[:] = scipy.fft.rfftn(values, shape, axes).reshape((fields, count))
-            modes *= tendency.mask
-        t, h, row_factors = steps.t[i], steps.lengths[steps.h[i]], factors[steps.h[i]]
-        i_row = row if row_factors.shape[1] > 1 else 0
-        full, half, q = row_factors[0, i_row], row_factors[1, i_row], row_factors[2, i_row]
-        first, middle, last = row_factors[3, i_row], row_factors[4, i_row], row_factors[5, i_row]
-        arguments = row, tendency, shape, axes, spectra, inputs, channels
-        _evaluate_nonlinear(kernel, modes, t, *arguments, n_u)
-        linear = half * modes
-        a = linear + q * n_u
-        _evaluate_nonlinear(kernel, a, t + h / 2, *arguments, n_a)
-        _evaluate_nonlinear(kernel, linear + q * n_a, t + h / 2, *arguments, n_b)
-        _evaluate_nonlinear(kernel, half * a + q * (2 * n_b - n_u), t + h, *arguments, n_c)
-        modes[:] = full * modes + first * n_u + middle * (n_a + n_b) + last * n_c
+            modes[:] = _to_modes(states[row, saved], shape, axes) * tendency.mask
+        t, h, own = steps.t[i], steps.lengths[steps.h[i]], factors[steps.h[i]]
+        _advance(kernel, row, tendency, own, t, h, shape, axes, *work, modes, stages, rates)
         if steps.ends[i]:
             saved += 1
-            values = scipy.fft.irfftn(modes.reshape((fields,) + half_shape), shape, axes)
-            states[row, saved] = values.reshape((fields, points))
+            states[row, saved] = _to_points(modes, shape, axes)
             if not np.isfinite(states[row, saved]).all():
                 return
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def integrate_stages(
+    kernel: Kernel,
+    tendency: TendencyArrays,
+    steps: StepArrays,
+    factors: Modes,
+    shape: tuple[int, ...],
+    axes: tuple[int, ...],
+    counts: tuple[int, int],
+    modes: Modes,
+    states: Array,
+    stages: Modes,
+    rates: Modes,
+) -> None:
+    """Integrate some steps of the first row of a batch, and keep all stages.
+
+    Args:
+        kernel: evaluates the pointwise functions G.
+        tendency: the nonlinear part N.
+        steps: the time steps.
+        factors: ETDRK4 coefficients as in :func:`integrate_row`.
+        shape: of the grid.
+        axes: the grid axes of an array with one leading axis.
+        counts: number of inputs and of channels of the kernel.
+        modes: modes of the state, ``(field, mode)``; advanced in place.
+        states: states at the output times, ``(output, field, point)``; written.
+        stages: modes of the stages u, a, b and c of each step, ``(step, 4, field, mode)``; written.
+        rates: N of the stages, ``(step, 4, field, mode)``; written.
+    """
+    work = _work_arrays(counts, modes.shape[1], states.shape[2])
+    saved = 0
+    for i in range(len(steps.t)):
+        if steps.begins[i]:
+            modes[:] = _to_modes(_to_points(modes, shape, axes), shape, axes) * tendency.mask
+        t, h, own = steps.t[i], steps.lengths[steps.h[i]], factors[steps.h[i]]
+        _advance(kernel, 0, tendency, own, t, h, shape, axes, *work, modes, stages[i], rates[i])
+        if steps.ends[i]:
+            states[saved] = _to_points(modes, shape, axes)
+            saved += 1
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def _work_arrays(counts: tuple[int, int], modes: int, points: int) -> tuple[Modes, Array, Array]:
+    """Return the work arrays of the nonlinear part: spectra, inputs and channels."""
+    spectra = np.empty((counts[0], modes), np.complex128)
+    return spectra, np.zeros((counts[0], 1, points)), np.empty((counts[1], 1, points))
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def _to_modes(points: Array, shape: tuple[int, ...], axes: tuple[int, ...]) -> Modes:
+    """Return the modes ``(field, mode)`` of the values on the grid ``(field, point)``."""
+    fields = len(points)
+    hats = scipy.fft.rfftn(points.copy().reshape((fields,) + shape), shape, axes)
+    return hats.reshape((fields, hats.size // fields))
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def _to_points(modes: Modes, shape: tuple[int, ...], axes: tuple[int, ...]) -> Array:
+    """Return the values on the grid ``(field, point)`` of the modes ``(field, mode)``."""
+    fields = len(modes)
+    half_shape = shape[:-1] + (shape[-1] // 2 + 1,)
+    values = scipy.fft.irfftn(modes.reshape((fields,) + half_shape), shape, axes)
+    return values.reshape((fields, values.size // fields))

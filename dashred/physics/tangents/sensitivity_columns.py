@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from dashred.physics.expressions.algebra import Expr
 from dashred.physics.grids.transforms import from_modes, to_modes
+from dashred.physics.solvers.compiled_step import STAGES
+from dashred.physics.solvers.etdrk4 import coefficients
 from dashred.physics.solvers.schedule import Step
 from dashred.physics.tangents import column_kernels as kernels
-from dashred.physics.tangents.reference_trajectory import STAGES, ReferenceTrajectory
-from dashred.physics.tangents.semilinear_rhs import Modes
+from dashred.physics.tangents.semilinear_rhs import Modes, SemilinearTendency
 from dashred.physics.tangents.sources import Sources
 
 Real = NDArray[Any]
@@ -41,16 +42,15 @@ class SensitivityIntegrator:
         slopes: the expressions ∂G/∂v, in the order of ``StageBlock.slopes``.
 
     Args:
-        reference: the trajectory u.
+        tendency: L and N of the equations.
         sources: the sources θ.
         dtype: precision, float32 or float64.
     """
 
     def __init__(
-        self, reference: ReferenceTrajectory, sources: Sources, dtype: type[np.floating[Any]]
+        self, tendency: SemilinearTendency, sources: Sources, dtype: type[np.floating[Any]]
     ) -> None:
-        tendency = reference.tendency
-        self.reference, self.sources = reference, sources
+        self.tendency, self.sources = tendency, sources
         self.dtype = np.result_type(dtype, np.complex64)
         self.shape = tendency.inputs.shape
         result = [
@@ -71,7 +71,7 @@ class SensitivityIntegrator:
         pairs = [(equation, field) for equation, field, _ in tendency.couplings]
         self._coupled = np.array(pairs, dtype=int).reshape(-1, 2).T.copy()
         self._coefficients = cache(
-            lambda h: np.array([self._flat(c) for c in reference.coefficients(h)])
+            lambda h: np.array([self._flat(c.numpy()) for c in coefficients(tendency.linear, h)])
         )
 
     def advance(
@@ -100,13 +100,13 @@ class SensitivityIntegrator:
 
     def in_modes(self, points: Real) -> Modes:
         """Return the modes of columns ``(field, column, *grid)``."""
-        mask = self.reference.tendency.mask.astype(points.dtype)
+        mask = self.tendency.mask.astype(points.dtype)
         result: Modes = to_modes(points, len(self.shape)) * mask
         return result
 
     def _flat(self, symbols: Modes) -> Modes:
         """Flatten symbols ``(item, …, *modes)`` to ``(item, mode)``."""
-        return symbols.reshape(len(symbols), self.reference.tendency.mask.size).astype(self.dtype)
+        return symbols.reshape(len(symbols), self.tendency.mask.size).astype(self.dtype)
 
 
 class _Chunk:
@@ -117,13 +117,11 @@ class _Chunk:
     ) -> None:
         self.integrator, self.shape = integrator, shape
         sources = integrator.sources
-        symbols = sources.symbols.reshape(
-            len(sources.symbols), integrator.reference.tendency.mask.size
-        )
+        symbols = sources.symbols.reshape(len(sources.symbols), integrator.tendency.mask.size)
         self.shifts = _select_columns(sources.shifts, chunk)
         self.symbols = symbols[self.shifts[:, 2]].astype(integrator.dtype)
         self.drives = _select_columns(sources.drives, chunk)
-        fields, columns, size = shape[0], shape[1], integrator.reference.tendency.mask.size
+        fields, columns, size = shape[0], shape[1], integrator.tendency.mask.size
         memory = np.empty((5, fields, columns, size), dtype=integrator.dtype)
         self.n, self.linear, self.rest, self.end, self.stage = memory
         self.spectra = np.empty((len(integrator._fields), columns, size), dtype=integrator.dtype)

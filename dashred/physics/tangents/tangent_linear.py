@@ -23,10 +23,17 @@ from dashred.physics.backends.numpy_backend import Pointwise
 from dashred.physics.expressions.algebra import ZERO
 from dashred.physics.expressions.semilinear import NotSemilinearError, semilinear_form
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
+from dashred.physics.solvers.compiled_step import STAGES
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.schedule import Step, schedule
 from dashred.physics.system import System, Term
-from dashred.physics.tangents.reference_trajectory import STAGES, ReferenceTrajectory, Stage
+from dashred.physics.tangents.reference_trajectory import (
+    InterpretedTrajectory,
+    ReferenceTrajectory,
+    Stages,
+    StageShifts,
+    in_modes,
+)
 from dashred.physics.tangents.semilinear_rhs import Modes, SemilinearTendency
 from dashred.physics.tangents.sensitivity_columns import SensitivityIntegrator, StageBlock
 from dashred.physics.tangents.sources import Sources
@@ -74,6 +81,7 @@ def tangent_linear(
     dtype: torch.dtype = torch.float64,
     sampled_forcing: SampledForcing | None = None,
     forcing_basis: ForcingBasis | None = None,
+    reference: ReferenceTrajectory | None = None,
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Yield state and tangents at each output time, including the first.
 
@@ -88,6 +96,8 @@ def tangent_linear(
         dtype: precision of the tangents; the reference trajectory is always float64.
         sampled_forcing: free forcing of the reference trajectory, one row.
         forcing_basis: basis of a free forcing; one column ``∂u(t)/∂a`` for each coefficient a.
+        reference: integrates the reference trajectory of these equations and forcings; by default
+            without compilation.
 
     Yields:
         The state ``(field, *grid)``, float64, and the tangents ``(column, field, *grid)``:
@@ -103,18 +113,19 @@ def tangent_linear(
     yield start, tangents
     tendency = SemilinearTendency(system, forcing, sampled_forcing)
     source_terms = Sources(system, sources, len(directions), forcing_basis)
+    reference = reference or InterpretedTrajectory(tendency)
     model = _LinearisedSystem(tendency, source_terms, dtype)
     size = max(1, COLUMN_POINTS // start.numel())
     chunks = [range(i, min(i + size, count)) for i in range(0, count, size)]
-    modes = model.reference.in_modes(start.cpu().numpy()[:, None])
+    modes = in_modes(start.cpu().numpy()[:, None], tendency)
     by_field = tangents.cpu().numpy().swapaxes(0, 1)
     columns = [model.columns.in_modes(by_field[:, c.start : c.stop]) for c in chunks]
     steps_at_once = max(1, POINTS_AT_ONCE // (STAGES * start[0].numel()))
     for steps in _blocks(schedule(times.tolist(), system.dt), steps_at_once):
         # A blow-up shows as non-finite values, not as a warning.
         with np.errstate(all="ignore"):
-            modes, states, stages = model.reference.advance(steps, modes)
-            block = model.evaluate(stages)
+            modes, states, stages = reference.advance(steps, modes)
+            block = model.evaluate(steps, stages)
         result = torch.zeros((len(states), *tangents.shape), dtype=dtype)
         advance_chunk = partial(
             _advance_chunk, model.columns, steps, chunks, block, columns, result
@@ -147,26 +158,25 @@ class _LinearisedSystem:
 
     def __init__(self, tendency: SemilinearTendency, sources: Sources, dtype: torch.dtype) -> None:
         self.dtype = PRECISION[dtype]
-        self.reference, self.sources = ReferenceTrajectory(tendency), sources
-        self.columns = SensitivityIntegrator(self.reference, self.sources, self.dtype)
+        self.tendency, self.sources = tendency, sources
+        self.shifts = StageShifts(tendency)
+        self.columns = SensitivityIntegrator(tendency, self.sources, self.dtype)
         self.program = Pointwise([*self.columns.slopes, *self.sources.bodies])
 
-    def evaluate(self, stages: Sequence[Stage]) -> StageBlock:
+    def evaluate(self, steps: Sequence[Step], stages: Stages) -> StageBlock:
         """Evaluate slopes and sources at all stages of a block."""
-        tendency, count = self.reference.tendency, len(stages)
-        modes = np.concatenate([stage.modes for stage in stages], axis=1)
-        points = np.concatenate([stage.points for stage in stages], axis=1)
-        times = np.array([stage.t for stage in stages]).reshape(-1, *(1,) * tendency.rank)
-        values = {**tendency.coordinates_and_inputs(times), **tendency.inputs.named(points)}
+        tendency, count, modes = self.tendency, len(stages.t), stages.modes
+        times = stages.t.reshape(-1, *(1,) * tendency.rank)
+        values = tendency.coordinates_and_inputs(times)
+        values |= tendency.inputs.named(tendency.inputs(modes))
         values |= self.sources.inputs.named(self.sources.inputs(modes))
         result = self.program(values, (count, *tendency.inputs.shape))
         slopes, bodies = np.split(result, [len(self.columns.slopes)])
         rows = self.sources(bodies, modes, times, self.dtype)
-        shifts = np.concatenate([stage.shift for stage in stages], axis=1)
         return StageBlock(
             _by_stage(slopes).astype(self.dtype),
             _by_stage(rows),
-            _by_stage(shifts).astype(self.columns.dtype),
+            _by_stage(self.shifts(steps, stages)).astype(self.columns.dtype),
         )
 
 
