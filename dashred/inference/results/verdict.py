@@ -11,7 +11,11 @@ from torch import Tensor
 from dashred.core.findings.cause_schema import Cause, FaultCurve, FaultySensor, Verdict
 from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
-from dashred.inference.hypotheses.result import MIN_FORCING_GAIN, Discovery
+from dashred.inference.hypotheses.result import (
+    MAX_EXPLAINED_CHI2,
+    MIN_FORCING_GAIN,
+    Discovery,
+)
 from dashred.inference.results.posterior_probabilities import posterior_probabilities
 
 # If a larger share of the misfit is not noise, no start alone explains the recording: the residuals
@@ -76,6 +80,8 @@ def verdict(
     causes = _causes(discovery, details)
     if discovery.forcing_gain > MIN_FORCING_GAIN:
         return "outside-library", [_outside(discovery), *causes]
+    if discovery.also_supported and discovery.best.chi2 > MAX_EXPLAINED_CHI2:
+        return "outside-library", [_part(discovery), *causes]
     left = unexplained or 0.0
     if discovery.best.candidates and left > UNEXPLAINED and residual > LARGE_RESIDUAL:
         return "outside-library", [_nearest(left, residual), *causes]
@@ -184,6 +190,17 @@ def _outside(discovery: Discovery) -> Cause:
         "probability": None,
         "where": None,
         "gain": discovery.forcing_gain,
+    }
+
+
+def _part(discovery: Discovery) -> Cause:
+    """Return the cause for a law beside which further terms are supported, and which needs them."""
+    return {
+        "kind": "outside-library",
+        "probability": None,
+        "where": None,
+        "misfit": discovery.best.chi2,
+        "supported": len(discovery.also_supported),
     }
 
 

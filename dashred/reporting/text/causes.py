@@ -57,6 +57,14 @@ def cause_text(cause: Cause, units: Mapping[str, str] = NO_UNITS) -> str | None:
                 "stated noise nor noise that is visible in the traces. The given law is only the "
                 "nearest"
             )
+        case "outside-library" if "supported" in cause:
+            further = cause["supported"]
+            return (
+                f"the given law leaves a misfit of {cause['misfit']:.3g} per reading, where noise "
+                f"leaves 1, and the recording supports {further} further "
+                f"{'term' if further == 1 else 'terms'} beside it. The given law is only the "
+                "nearest of its size"
+            )
         case "outside-library" if "source" in cause:
             return "no law of the library explains the recording; a localised source does"
         case "outside-library":

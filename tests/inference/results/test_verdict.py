@@ -173,6 +173,23 @@ def test_a_law_that_leaves_large_residuals_is_only_the_nearest(flow: System) -> 
     assert verdict(discovery, None, residual=0.25)[0] == "missing-term"
 
 
+@pytest.mark.parametrize(("misfit", "further", "kind"), [
+    (1.24, 2, "outside-library"), (1.24, 0, "missing-term"), (0.98, 2, "missing-term"),
+])  # fmt: skip
+def test_a_part_of_a_larger_law_has_to_leave_noise_alone(
+    flow: System, misfit: float, further: int, kind: str
+) -> None:
+    told = replace(laws.law([laws.term(flow, "u", "u")], [0.1]), chi2=misfit)
+    beside = tuple((laws.term(flow, "u", f"u**{power}"), 0.1) for power in range(2, 2 + further))
+    discovery = replace(laws.discovery(told), also_supported=beside, free_chi2=misfit)
+    found, causes = verdict(discovery)
+    assert found == kind
+    if found == "outside-library":
+        assert causes[0]["probability"] is None and causes[1]["terms"] == ["u: u"]
+        assert "1.24 per reading" in str(cause_text(causes[0]))
+        assert "2 further terms" in str(cause_text(causes[0]))
+
+
 def test_the_unexplained_share_is_relative_to_the_stated_noise() -> None:
     seen = torch.ones(10, 2, dtype=torch.bool)
     found = NoiseModel(torch.tensor([0.2, 0.2]).double(), torch.zeros(2).double(), seen)
