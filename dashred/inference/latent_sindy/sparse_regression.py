@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 from pysindy.optimizers import SSR, STLSQ
+from scipy.linalg.lapack import dpocon, dpotrf, dpotrs
+from sklearn import config_context
 from sklearn.linear_model import lars_path_gram
 
 from dashred.inference.latent_sindy.blocks import Array, Blocks
@@ -15,6 +18,8 @@ from dashred.inference.latent_sindy.blocks import Array, Blocks
 FOLDS = 5
 # Directions of the Gram matrix below this share of the largest are rounding errors.
 RANK_TOLERANCE = 1e-10
+# A Gram matrix with a larger reciprocal condition number is solved by Cholesky, which is faster.
+WELL_CONDITIONED = 1e-8
 # Squared errors below this share of the target's square are rounding errors.
 ROUNDING = 1e-20
 
@@ -135,18 +140,25 @@ def _best_pair(blocks: Blocks) -> Support:
 
 def _stlsq(blocks: Blocks, threshold: float) -> Array:
     matrix, target = _square_root(blocks)
-    with warnings.catch_warnings():
-        # PySINDy warns if no term exceeds the threshold; the empty set is a valid result.
-        warnings.simplefilter("ignore")
+    # PySINDy warns if no term exceeds the threshold; the empty set is a valid result.
+    with _quick_and_quiet():
         return STLSQ(threshold=threshold, alpha=1e-8).fit(matrix, target).coef_[0]
 
 
 def _ssr_path(blocks: Blocks) -> Iterable[Support]:
     matrix, target = _square_root(blocks)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with _quick_and_quiet():
         found = SSR(alpha=1e-8, max_iter=matrix.shape[1] - 1).fit(matrix, target)
     return [_support(step[0]) for step in found.history_]
+
+
+@contextmanager
+def _quick_and_quiet() -> Iterator[None]:
+    """Leave out the checks of the input, which take longer than the regressions, and warnings."""
+    quick = config_context(skip_parameter_validation=True, assume_finite=True)
+    with quick, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
 
 
 def _l1_path(blocks: Blocks) -> Iterable[Support]:
@@ -177,10 +189,20 @@ def _refit(blocks: Blocks, support: Support) -> Array:
     coefficients = np.zeros(blocks.moment.shape[1])
     if support:
         index = list(support)
-        gram = blocks.gram.sum(axis=0)[np.ix_(index, index)]
-        moment = blocks.moment.sum(axis=0)[index]
-        coefficients[index] = np.linalg.lstsq(gram, moment, rcond=RANK_TOLERANCE)[0]
+        gram = blocks.gram.sum(axis=0)[index][:, index]
+        coefficients[index] = _solve(gram, blocks.moment.sum(axis=0)[index])
     return coefficients
+
+
+def _solve(gram: Array, moment: Array) -> Array:
+    """Solve normal equations: by Cholesky, or by SVD if the columns are nearly dependent."""
+    factor, failed = dpotrf(gram)
+    if not failed:
+        share, _ = dpocon(factor, np.abs(gram).sum(axis=0).max())
+        if share > WELL_CONDITIONED:
+            solution: Array = dpotrs(factor, moment)[0]
+            return solution
+    return np.linalg.lstsq(gram, moment, rcond=RANK_TOLERANCE)[0].astype(np.float64)
 
 
 def _errors(blocks: Blocks, coefficients: Array) -> Array:
