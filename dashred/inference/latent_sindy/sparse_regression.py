@@ -147,6 +147,8 @@ def _stlsq(blocks: Blocks, threshold: float) -> Array:
 
 def _ssr_path(blocks: Blocks) -> Iterable[Support]:
     matrix, target = _square_root(blocks)
+    if matrix.shape[1] == 1:
+        return [(0,)]
     with _quick_and_quiet():
         found = SSR(alpha=1e-8, max_iter=matrix.shape[1] - 1).fit(matrix, target)
     return [_support(step[0]) for step in found.history_]

@@ -85,6 +85,17 @@ def test_two_terms_that_nearly_cancel_are_found():
     assert support(found) == {0, 1}
 
 
+@pytest.mark.parametrize("hidden", [0.0, 0.7])
+def test_a_library_of_one_term(hidden: float) -> None:
+    """The other columns may be zero: terms without an effect on the sensors."""
+    rng = np.random.default_rng(4)
+    design = columns(rng)
+    design[:, 1:] = 0.0
+    noise = 0.1 * rng.standard_normal((BLOCKS, ROWS))
+    found = fit(hidden * design[:, 0] + noise, design)
+    assert support(found) == ({0} if hidden else set())
+
+
 def test_noise_alone_proposes_nothing():
     invented = 0
     for seed in range(40):
