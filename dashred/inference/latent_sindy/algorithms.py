@@ -14,6 +14,9 @@ from dashred.inference.latent_sindy.step_sensitivities import RELATIVE_STEP, Ste
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 
+# A step changes the latent state by at most this multiple of the median, unless it blows up.
+LOST = 1e6
+
 
 def compressed_search(
     encoder: HistoryEncoder,
@@ -41,7 +44,7 @@ def compressed_search(
         base, moved = encoder.linearise(step.ends, step.forecast, moves)
         targets.append(encoder(step.ends, fields[step.ends]) - base)
         designs.append(moved / size[:, None])
-    return _blocks(targets, designs)
+    return _blocks(targets, designs, size)
 
 
 def compressed_advancing(
@@ -83,14 +86,27 @@ def compressed_advancing(
         simulated = encoder(step.ends, step.forecast) - base
         targets.append(measured[step.ends] - measured[step.begins] - simulated)
         designs.append(moved / size[:, None])
-    return _blocks(targets, designs)
+    return _blocks(targets, designs, size)
 
 
-def _blocks(targets: list[Tensor], designs: list[Tensor]) -> Blocks:
+def _blocks(targets: list[Tensor], designs: list[Tensor], size: Tensor) -> Blocks:
     """Stack all step lengths, each in units of the rms of its target.
 
     The steps from one begin overlap. They form one block, which is left out and redrawn as a whole.
+    A reconstructed field may lie where the simulator blows up. Blocks with such a step are dropped.
+
+    Args:
+        targets: ``(block, latent)`` of each step length.
+        designs: ``(block, term, latent)`` of each step length.
+        size: of each coefficient, which makes the columns comparable, ``(term,)``.
     """
+    usable = torch.ones(len(targets[0]), dtype=torch.bool)
+    for target, design in zip(targets, designs, strict=True):
+        for change in (target[:, None], design * size[:, None]):
+            largest = change.norm(dim=-1).amax(dim=1)
+            # Written with "<=", because the norms may be NaN.
+            usable &= largest <= LOST * largest.nanmedian()
+    targets, designs = ([part[usable] for part in parts] for parts in (targets, designs))
     weights = [1.0 / target.square().mean().sqrt().clamp(min=1e-300) for target in targets]
     target = torch.cat([t * w for t, w in zip(targets, weights, strict=True)], dim=-1)
     design = torch.cat([d * w for d, w in zip(designs, weights, strict=True)], dim=-1)

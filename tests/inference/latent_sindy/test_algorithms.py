@@ -163,6 +163,23 @@ def test_a_term_without_effect_on_the_sensors_is_not_proposed(system, tmp_path):
     assert ring.LIBRARY[found.ranking[0]] == "u"
 
 
+@pytest.mark.parametrize("huge", [1e100, float("nan")])
+def test_a_step_that_blows_up_is_left_out(system, tmp_path, huge):
+    states = truth(system, {"u": -0.05})
+    problem = build_problem(system, states, tmp_path)
+    begins = torch.arange(6, 30, 4)
+    steps = forecast_steps(system, states, ring.TIMES, begins, [1])
+    columns = tangents(system, problem.library, problem.scales, states, ring.TIMES, steps)
+    shred = ring.untrained(ring.ensemble(system, 5).states, problem.operator)
+    encoder = HistoryEncoder(shred.encode, problem.operator, states, LAGS)
+    columns[0][2, 3] = huge
+    blocks = compressed_search(encoder, states, steps, columns, problem.scales)
+    assert len(blocks.power) == len(begins) - 1
+    found = sparse_fit(blocks, 0.05, 3, np.random.default_rng(0))
+    assert ring.LIBRARY[found.ranking[0]] == "u"
+    assert found.coefficients[ring.LIBRARY.index("u")] == pytest.approx(-0.05, rel=0.1)
+
+
 def test_the_history_ends_with_the_given_field(system):
     states = truth(system, {})
     operator = ObservationOperator(ring.SENSORS, system)
