@@ -38,6 +38,7 @@ def test_a_law_is_the_clearer_the_more_it_does(tmp_path) -> None:
     assert faint < weak < strong and strong > 12
 
 
+@pytest.mark.slow
 def test_a_faint_term_beside_a_strong_one_is_not_told_from_its_absence(tmp_path) -> None:
     alone = lead_of(case_of(20.0, ("v", "v**2", 1.0)), tmp_path)
     both = lead_of(case_of(20.0, ("v", "v**2", 1.0), ("u", "v**3", 1e-4)), tmp_path)

@@ -115,6 +115,7 @@ def test_nothing_is_found_if_nothing_is_missing(waves: Waves, seed: int) -> None
     assert len(TIMES) == len(recorded)
 
 
+@pytest.mark.slow
 def test_a_law_beyond_the_library_is_found(waves: Waves) -> None:
     known = {str(found): found for found in waves.extended}
     found = compare(waves, waves.recorded(SIGMA, 1, [(known["u: sin(2*u)"], 0.3)]))
@@ -154,6 +155,7 @@ def test_a_wave_is_found_whatever_its_phase(waves: Waves) -> None:
     assert found.forcing_gain < MIN_FORCING_GAIN
 
 
+@pytest.mark.slow
 def test_a_faulty_sensor_is_found_together_with_a_law(waves: Waves) -> None:
     recorded = waves.recorded(SIGMA, 1, [(waves.everything["u: u**2"], -0.15)])
     recorded[:, 2] += 0.4

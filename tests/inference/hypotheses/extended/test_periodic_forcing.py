@@ -57,6 +57,7 @@ def test_a_wave_in_time_is_found(waves: Waves) -> None:
     assert {fit.law.candidates[0].equation for fit in found[1:]} <= {"u", "v"}
 
 
+@pytest.mark.slow
 def test_a_drift_does_not_become_a_wave_of_zero_frequency(waves: Waves) -> None:
     null = null_of(waves, 0.3, 0.005, frequency=0.02)
     found = [float(c.law.candidates[0].name[4:-3]) for c in fit_periodic_laws(null, waves.size, 9)]

@@ -147,6 +147,7 @@ def count_parameters(objective: LeastSquaresProblem) -> dict[str, set[tuple[int,
     return found
 
 
+@pytest.mark.slow
 def test_the_penalty_counts_every_parameter_that_is_fitted(waves: Waves, tmp_path: Path) -> None:
     ring = count_parameters(waves.objective(waves.recorded(SIGMA, seed=5), SIGMA))
     assert ring == {"bias": {(1, 1.0)}, "drift": {(1, 1.0)}, "misplaced": {(1, 1.0)}}

@@ -113,6 +113,7 @@ def test_a_law_in_a_window_may_be_under_the_forcing(waves: Waves) -> None:
     assert float(costs[best]) == pytest.approx(objective.noise.count, rel=0.3)
 
 
+@pytest.mark.slow
 def test_screening_is_repeated_while_a_forcing_gains(waves: Waves) -> None:
     edges = [4.4, 1.8, math.log(0.3)]
     hidden = restrict_to_window(waves.candidates(["u: u**3"]), box(waves.system.axes[0]).at(edges))
@@ -228,6 +229,7 @@ def test_a_gate_that_acts_in_few_samples_is_screened_at_its_place(waves: Waves) 
     assert best.guess.values[0] < float(states[:, 0].quantile(0.05))
 
 
+@pytest.mark.slow
 def test_a_term_beyond_the_library_is_found_about_a_library_law(waves: Waves) -> None:
     hidden = {str(candidate): candidate for candidate in waves.extended}["u: sin(2*u)"]
     recorded = waves.recorded(SIGMA, 1, [(hidden, 0.3)])
