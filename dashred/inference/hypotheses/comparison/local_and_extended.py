@@ -26,10 +26,7 @@ from dashred.inference.hypotheses.hypothesis_fit import (
     by_score,
 )
 from dashred.inference.hypotheses.result import MIN_FORCING_GAIN
-from dashred.inference.hypotheses.windows.windowed_laws import (
-    candidates_within_bound,
-    fit_windowed_laws,
-)
+from dashred.inference.hypotheses.windows.windowed_laws import fit_windowed_laws
 
 
 def fit_local_and_extended(
@@ -86,9 +83,7 @@ def fit_single_terms(residual: ResidualForcing, additions: Additions) -> list[Hy
     windowed_problem = _with_simulator(residual.full_problem, additions.windowed_simulator())
     bound, null_score = best.law.score + REJECTION_MARGIN, residual.null.law.score
     indices = _candidates_in_same_equations(residual.full_problem, best)
-    local_fits: list[HypothesisFit] = []
-    if within := candidates_within_bound(windowed_problem, indices, forcing, bound):
-        local_fits = fit_windowed_laws(windowed_problem, 0, within, forcing, null_score, bound)
+    local_fits = fit_windowed_laws(windowed_problem, 0, indices, forcing, null_score, bound)
     return [*local_fits, *_fit_extended(residual, additions, forcing, bound)]
 
 

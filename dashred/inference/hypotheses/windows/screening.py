@@ -43,7 +43,6 @@ def screen(
     windowed: Sequence[int],
     forcing: FreeForcing,
     states: Tensor,
-    samples: int | None = None,
 ) -> list[ScreenedHypothesis]:
     """Screen single terms with every window, and every pair of terms without a window.
 
@@ -54,7 +53,6 @@ def screen(
         forcing: a forcing that explains the recording.
         states: states of its trajectory, ``(sample, field, *grid)``; they give the range of the
             thresholds of gates.
-        samples: number of first samples that are screened; None screens the whole record.
     """
     system = objective.forward_model.simulator.system
     candidates = objective.forward_model.law.candidates
@@ -64,8 +62,7 @@ def screen(
         *(restrict_to_window([candidates[p.candidate]], p.window)[0] for p in pieces),
     ]
     stds = torch.cat([objective.prior_std, *[objective.prior_std[[p.candidate]] for p in pieces]])
-    part = objective if samples is None else objective.truncate(samples)
-    problem = profile_out(part, forcing, columns, stds)
+    problem = profile_out(objective, forcing, columns, stds)
     screened = [_screen_columns(problem, Hypothesis((j,)), {j: 1.0}) for j in range(global_count)]
     pairs = [(i, j) for j in range(global_count) for i in range(j)]
     costs = problem.costs(pairs).tolist() if pairs else []
@@ -83,7 +80,7 @@ def profile_out(
     """Linearise about the forced trajectory, and remove the forcing and the law under it.
 
     Args:
-        objective: F of a law, over the whole record or its first samples.
+        objective: F of a law.
         forcing: a forcing that explains the recording, on top of a law or of none.
         columns: candidates, with or without a window.
         stds: prior standard deviation of each coefficient, ``(column,)``.
@@ -95,7 +92,7 @@ def profile_out(
     z, xi = forcing.objective.split(forcing.phi)
     base_law = forced_model.law.terms(xi[places.law])
     # A term in a window has the same name as the term itself. Only their tangents differ.
-    [readings] = forced_model.truncate(len(objective.recorded)).readings(z[None], xi[None])
+    [readings] = forced_model.readings(z[None], xi[None])
     law = LawBlock((*columns, *base_law))
     forward_model = replace(objective.forward_model, law=law, forcing=forced_model.forcing)
     # The edges of the window of the base law stay fixed.

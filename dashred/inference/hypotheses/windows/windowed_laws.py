@@ -46,8 +46,6 @@ LAST_STEPS, LAST_TOLERANCE = 10, 1e-4
 # fitted over a horizon that begins with FIRST_SHARE of the record and grows by GROWTH. The factor
 # is small, because a front that is displaced by its own width is not found again.
 PROBES, MAX_REGROWN, FIRST_SHARE, GROWTH = 4, 6, 0.25, 1.15
-# Share of the record over which candidates are rejected before windows are screened over all of it.
-REJECTION_SHARE = 0.3
 
 
 def fit_windowed_laws(
@@ -86,28 +84,6 @@ def fit_windowed_laws(
     fits.sort(key=by_score)
     fits = sorted([*fits, *restart_windows(fits)], key=by_score)
     return [*map(refine, fits[:1]), *fits[1:]]
-
-
-def candidates_within_bound(
-    objective: LeastSquaresProblem, windowed: Sequence[int], forcing: FreeForcing, bound: float
-) -> list[int]:
-    """Return the candidates that may score better than a bound in some window.
-
-    F increases with the number of samples. A candidate that exceeds the bound over the first
-    samples, in every window, exceeds it over the whole record.
-
-    Args:
-        objective: F of all candidates; its simulator has windows.
-        windowed: indices of the candidates that may act in a window.
-        forcing: a free forcing that explains the recording, on top of a law or of none.
-        bound: the largest score.
-    """
-    forward_model = forcing.objective.forward_model
-    states = forward_model.sampled_states(*forcing.objective.split(forcing.phi))
-    samples = round(len(objective.recorded) * REJECTION_SHARE)
-    screened = screen(objective, 0, windowed, forcing, states, samples)
-    within = [each.hypothesis for each in screened if predicted_score(objective, each) < bound]
-    return sorted({j for hypothesis in within for j in hypothesis.windowed_terms})
 
 
 def _select_finalists(trials: Sequence[HypothesisTrial]) -> list[HypothesisTrial]:

@@ -23,11 +23,7 @@ from dashred.inference.hypotheses.windows.windowed_hypothesis import (
     build_problem,
     first_unknowns,
 )
-from dashred.inference.hypotheses.windows.windowed_laws import (
-    candidates_within_bound,
-    fit_windowed_laws,
-    predicted_score,
-)
+from dashred.inference.hypotheses.windows.windowed_laws import fit_windowed_laws
 from dashred.physics.window import box, gate
 from tests.waves import Waves, fitted
 
@@ -60,29 +56,6 @@ def test_a_term_is_found_whatever_law_is_under_the_forcing(waves: Waves, names: 
     # The law under the forcing is removed before the columns are fitted.
     assert problem.constant - float(costs[best]) > 100
     assert float(problem.coefficients((best,))[0]) == pytest.approx(-0.15, rel=0.1)
-
-
-def test_a_candidate_that_fails_over_the_first_samples_fails_over_the_record(waves: Waves) -> None:
-    edges = [4.4, 1.8, math.log(0.3)]
-    hidden = restrict_to_window([waves.everything["u: u**2"]], box(waves.system.axes[0]).at(edges))
-    recorded = waves.recorded(SIGMA, 1, [(hidden[0], -0.3)])
-    objective = everything(waves, recorded)
-    forced = force_law(waves, recorded, [])
-    states = forced.objective.forward_model.sampled_states(*forced.objective.split(forced.phi))
-    every = range(len(waves.everything))
-    whole = screen(objective, 0, every, forced, states)
-    part = screen(objective, 0, every, forced, states, len(recorded) // 3)
-    for own in every:
-        first, both = (
-            min(each.cost for each in screened if each.hypothesis.windowed_terms == (own,))
-            for screened in (part, whole)
-        )
-        assert first <= both
-    least = min(predicted_score(objective, each) for each in whole)
-    true = list(waves.everything).index("u: u**2")
-    within = candidates_within_bound(objective, every, forced, least + 20.0)
-    assert true in within and len(within) < len(every)
-    assert candidates_within_bound(objective, every, forced, 0.0) == []
 
 
 def in_a_box(waves: Waves, recorded: torch.Tensor, name: str) -> HypothesisFit:
