@@ -202,9 +202,8 @@ def _solve(gram: Array, moment: Array) -> Array:
     if not failed:
         share, _ = dpocon(factor, np.abs(gram).sum(axis=0).max())
         if share > WELL_CONDITIONED:
-            solution: Array = dpotrs(factor, moment)[0]
-            return solution
-    return np.linalg.lstsq(gram, moment, rcond=RANK_TOLERANCE)[0].astype(np.float64)
+            return np.asarray(dpotrs(factor, moment)[0], dtype=np.float64)
+    return np.asarray(np.linalg.lstsq(gram, moment, rcond=RANK_TOLERANCE)[0], dtype=np.float64)
 
 
 def _errors(blocks: Blocks, coefficients: Array) -> Array:

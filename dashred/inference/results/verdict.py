@@ -79,12 +79,14 @@ def verdict(
         return "not-converged", [reason]
     causes = _causes(discovery, details)
     if discovery.forcing_gain > MIN_FORCING_GAIN:
-        return "outside-library", [_outside(discovery), *causes]
+        return "outside-library", [_outside(gain=discovery.forcing_gain), *causes]
     if discovery.also_supported and discovery.best.chi2 > MAX_EXPLAINED_CHI2:
-        return "outside-library", [_part(discovery), *causes]
+        further = len(discovery.also_supported)
+        cause = _outside(misfit=discovery.best.chi2, supported=further)
+        return "outside-library", [cause, *causes]
     left = unexplained or 0.0
     if discovery.best.candidates and left > UNEXPLAINED and residual > LARGE_RESIDUAL:
-        return "outside-library", [_nearest(left, residual), *causes]
+        return "outside-library", [_outside(unexplained=left, residual=residual), *causes]
     kinds = {_kind(law) for law in (discovery.best, *discovery.rivals)}
     # Rivals do not make the verdict ambiguous if all are laws of the extended library.
     is_clear = not discovery.rivals or kinds == {"outside-library"}
@@ -180,39 +182,18 @@ def _probability_of_fault(fault: SensorFault, probable: Sequence[tuple[Law, floa
     return min(1.0, math.fsum(found))
 
 
-def _outside(discovery: Discovery) -> Cause:
-    """Return the cause for an effect that a free forcing shows and no law expresses.
+def _outside(**details: float) -> Cause:
+    """Return the cause for an effect that the given law does not express.
 
-    It has no probability, because a free forcing is not one of the fitted laws.
+    It has no probability, because what is missing is not one of the fitted laws.
+
+    Args:
+        details: what shows the effect: the evidence for a free forcing, the residuals of the law,
+            or the number of further terms that it needs.
     """
-    return {
-        "kind": "outside-library",
-        "probability": None,
-        "where": None,
-        "gain": discovery.forcing_gain,
-    }
-
-
-def _part(discovery: Discovery) -> Cause:
-    """Return the cause for a law beside which further terms are supported, and which needs them."""
-    return {
-        "kind": "outside-library",
-        "probability": None,
-        "where": None,
-        "misfit": discovery.best.chi2,
-        "supported": len(discovery.also_supported),
-    }
-
-
-def _nearest(unexplained: float, residual: float) -> Cause:
-    """Return the cause for a law that leaves much of the misfit: it is only the nearest one."""
-    return {
-        "kind": "outside-library",
-        "probability": None,
-        "where": None,
-        "unexplained": unexplained,
-        "residual": residual,
-    }
+    cause: Cause = {"kind": "outside-library", "probability": None, "where": None}
+    cause.update(cast(Cause, details))
+    return cause
 
 
 def _kind(law: Law) -> Verdict:

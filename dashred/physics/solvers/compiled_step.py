@@ -102,6 +102,23 @@ def find_interval(knots: Array, t: float) -> tuple[int, float]:
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
+def _to_modes(points: Array, shape: tuple[int, ...], axes: tuple[int, ...]) -> Modes:
+    """Return the modes ``(field, mode)`` of the values on the grid ``(field, …, point)``."""
+    fields = len(points)
+    hats = scipy.fft.rfftn(points.reshape((fields,) + shape), shape, axes)
+    return hats.reshape((fields, hats.size // fields))
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def _to_points(modes: Modes, shape: tuple[int, ...], axes: tuple[int, ...]) -> Array:
+    """Return the values on the grid ``(field, point)`` of the modes ``(field, mode)``."""
+    fields = len(modes)
+    half_shape = shape[:-1] + (shape[-1] // 2 + 1,)
+    values = scipy.fft.irfftn(modes.reshape((fields,) + half_shape), shape, axes)
+    return values.reshape((fields, values.size // fields))
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
 def _evaluate_nonlinear(
     kernel: Kernel,
     modes: Modes,
@@ -116,16 +133,14 @@ def _evaluate_nonlinear(
     out: Modes,
 ) -> None:
     """Write N of one trajectory's modes ``(field, mode)`` into ``out``."""
-    fields, count = modes.shape
+    fields = len(modes)
     spectra[:fields] = modes
     used = fields
     for d in range(len(tendency.input_field)):
         if tendency.input_active[row, d]:
             spectra[used] = tendency.input_symbol[d] * modes[tendency.input_field[d]]
             used += 1
-    half_shape = shape[:-1] + (shape[-1] // 2 + 1,)
-    points = scipy.fft.irfftn(spectra[:used].reshape((used,) + half_shape), shape, axes)
-    flat = points.reshape((used, inputs.shape[2]))
+    flat = _to_points(spectra[:used], shape, axes)
     inputs[:fields, 0] = flat[:fields]
     used = fields
     for d in range(len(tendency.input_field)):
@@ -136,8 +151,7 @@ def _evaluate_nonlinear(
     chosen = np.nonzero(tendency.channel_active[row])[0]
     out[:] = 0.0
     if len(chosen):
-        values = channels[chosen].reshape((len(chosen),) + shape)
-        hats = scipy.fft.rfftn(values, shape, axes).reshape((len(chosen), count))
+        hats = _to_modes(channels[chosen], shape, axes)
         for k in range(len(chosen)):
             out[tendency.channel_field[chosen[k]]] += tendency.channel_symbol[chosen[k]] * hats[k]
     for k in range(len(tendency.coupling_target)):
@@ -238,7 +252,7 @@ def integrate_row(
     saved = 0
     for i in range(len(steps.t)):
         if steps.begins[i]:
-            modes[:] = _to_modes(states[row, saved], shape, axes) * tendency.mask
+            modes[:] = _to_modes(states[row, saved].copy(), shape, axes) * tendency.mask
         t, h, own = steps.t[i], steps.lengths[steps.h[i]], factors[steps.h[i]]
         _advance(kernel, row, tendency, own, t, h, shape, axes, *work, modes, stages, rates)
         if steps.ends[i]:
@@ -294,20 +308,3 @@ def _work_arrays(counts: tuple[int, int], modes: int, points: int) -> tuple[Mode
     """Return the work arrays of the nonlinear part: spectra, inputs and channels."""
     spectra = np.empty((counts[0], modes), np.complex128)
     return spectra, np.zeros((counts[0], 1, points)), np.empty((counts[1], 1, points))
-
-
-@numba.njit(nogil=True, cache=True, error_model="numpy")
-def _to_modes(points: Array, shape: tuple[int, ...], axes: tuple[int, ...]) -> Modes:
-    """Return the modes ``(field, mode)`` of the values on the grid ``(field, point)``."""
-    fields = len(points)
-    hats = scipy.fft.rfftn(points.copy().reshape((fields,) + shape), shape, axes)
-    return hats.reshape((fields, hats.size // fields))
-
-
-@numba.njit(nogil=True, cache=True, error_model="numpy")
-def _to_points(modes: Modes, shape: tuple[int, ...], axes: tuple[int, ...]) -> Array:
-    """Return the values on the grid ``(field, point)`` of the modes ``(field, mode)``."""
-    fields = len(modes)
-    half_shape = shape[:-1] + (shape[-1] // 2 + 1,)
-    values = scipy.fft.irfftn(modes.reshape((fields,) + half_shape), shape, axes)
-    return values.reshape((fields, values.size // fields))

@@ -11,7 +11,7 @@ import numpy as np
 from dashred.physics.backends.numpy_backend import Array
 from dashred.physics.grids.transforms import from_modes, to_modes
 from dashred.physics.solvers.compiled_step import STAGES
-from dashred.physics.solvers.etdrk4 import coefficient_derivatives, coefficients
+from dashred.physics.solvers.etdrk4 import coefficient_derivatives
 from dashred.physics.solvers.schedule import Step
 from dashred.physics.tangents.semilinear_rhs import Modes, SemilinearTendency
 
@@ -51,8 +51,6 @@ class InterpretedTrajectory:
 
     def __init__(self, tendency: SemilinearTendency) -> None:
         self.tendency = tendency
-        linear = tendency.linear
-        self._coefficients = cache(lambda h: [c.numpy() for c in coefficients(linear, h)])
 
     def advance(self, steps: Sequence[Step], modes: Modes) -> tuple[Modes, list[Array], Stages]:
         """See :meth:`ReferenceTrajectory.advance`."""
@@ -71,7 +69,7 @@ class InterpretedTrajectory:
         return modes, outputs, Stages(stage_times(steps), *both)
 
     def _step(self, u: Modes, step: Step, stages: list[Modes], rates: list[Modes]) -> Modes:
-        full, half, q, first, middle, last = self._coefficients(step.h)
+        full, half, q, first, middle, last = self.tendency.coefficients(step.h)
         t, middle_time, end = step.t, step.t + step.h / 2, step.t + step.h
         n_u = self._rate(u, t)
         linear = half * u
@@ -98,10 +96,9 @@ class StageShifts:
     """
 
     def __init__(self, tendency: SemilinearTendency) -> None:
-        linear = tendency.linear
-        self._half = cache(lambda h: coefficients(linear, h).half.numpy())
+        self.tendency = tendency
         self._derivatives = cache(
-            lambda h: np.stack([c.numpy() for c in coefficient_derivatives(linear, h)])
+            lambda h: [c.numpy() for c in coefficient_derivatives(tendency.linear, h)]
         )
 
     def __call__(self, steps: Sequence[Step], stages: Stages) -> Modes:
@@ -111,7 +108,7 @@ class StageShifts:
             for each in zip(*(self._derivatives(step.h) for step in steps), strict=True)
         ]
         full, half, q, first, middle, last = parts
-        own_half = np.concatenate([self._half(step.h) for step in steps], axis=1)
+        halves = [self.tendency.coefficients(step.h)[1] for step in steps]
         u, a = stages.modes[:, 0::STAGES], stages.modes[:, 1::STAGES]
         n_u, n_a, n_b, n_c = (stages.rates[:, i::STAGES] for i in range(STAGES))
         linear = half * u
@@ -119,7 +116,9 @@ class StageShifts:
         shifts = np.empty_like(stages.modes)
         shifts[:, 0::STAGES] = to_a
         shifts[:, 1::STAGES] = linear + q * n_a
-        shifts[:, 2::STAGES] = half * a + q * (2 * n_b - n_u) + own_half * to_a
+        shifts[:, 2::STAGES] = (
+            half * a + q * (2 * n_b - n_u) + np.concatenate(halves, axis=1) * to_a
+        )
         shifts[:, 3::STAGES] = full * u + first * n_u + middle * (n_a + n_b) + last * n_c
         return shifts
 

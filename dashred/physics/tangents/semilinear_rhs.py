@@ -7,6 +7,7 @@ transforms all inputs, and one transforms all channels.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from dashred.physics.grids.fourier_symbols import symbols
 from dashred.physics.grids.spectral import Spectral
 from dashred.physics.grids.transforms import from_modes, to_modes
 from dashred.physics.solvers.compiled_step import find_interval
+from dashred.physics.solvers.etdrk4 import coefficients
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.rhs import dealias_mask
 from dashred.physics.system import System
@@ -90,6 +92,7 @@ class SemilinearTendency:
     Attributes:
         form: the semilinear form of the equations.
         linear: L, ``(field, 1, *modes)``.
+        coefficients: of ETDRK4 for a step length, each in the shape of L; cached.
         channel_symbols: D, ``(channel, 1, *modes)``; zero for modes removed by the 2/3 rule.
         channel_equations: index of the equation of each channel.
         couplings: ``(equation, field, C)``; C is zero for modes removed by the 2/3 rule.
@@ -103,6 +106,7 @@ class SemilinearTendency:
         index = {field: i for i, field in enumerate(system.fields)}
         linear = list(self.form.linear.values())
         self.linear = symbols(linear, system.operators, torch.device("cpu"))[:, None]
+        self.coefficients = cache(lambda h: [c.numpy() for c in coefficients(self.linear, h)])
         self.inputs = Inputs(system, self.form.inputs)
         self.rank, self.mask = len(system.grid.shape), mode_mask(system)
         result = [self.mask * operator_symbol(system, c.operator) for c in self.form.channels]

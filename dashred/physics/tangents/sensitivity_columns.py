@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from dashred.physics.expressions.algebra import Expr
 from dashred.physics.grids.transforms import from_modes, to_modes
 from dashred.physics.solvers.compiled_step import STAGES
-from dashred.physics.solvers.etdrk4 import coefficients
 from dashred.physics.solvers.schedule import Step
 from dashred.physics.tangents import column_kernels as kernels
 from dashred.physics.tangents.semilinear_rhs import Modes, SemilinearTendency
@@ -71,7 +70,7 @@ class SensitivityIntegrator:
         pairs = [(equation, field) for equation, field, _ in tendency.couplings]
         self._coupled = np.array(pairs, dtype=int).reshape(-1, 2).T.copy()
         self._coefficients = cache(
-            lambda h: np.array([self._flat(c.numpy()) for c in coefficients(tendency.linear, h)])
+            lambda h: np.array([self._flat(c) for c in tendency.coefficients(h)])
         )
 
     def advance(
