@@ -19,6 +19,8 @@ from dashred.core.mlflow.store import Store, mlflow_service_errors
 # Limits of MLflow: entries per request, and characters per value.
 METRIC_BATCH, BATCH = 1000, 100
 PARAM_LENGTH, TAG_LENGTH = 6000, 8000
+# Seconds between requests that send metrics: each of them waits for the disk or the network.
+SEND_EVERY = 5.0
 
 # MLflow shows the text of this tag at the top of the page of a run or experiment.
 NOTE = "mlflow.note.content"
@@ -36,6 +38,8 @@ class MlflowRun:
         self._store = store
         # Points that an interrupted attempt has logged are not logged twice.
         self._known_points = self._known_metrics()
+        self._waiting: list[Any] = []
+        self._sent = -math.inf
 
     @property
     def uri(self) -> str:
@@ -51,19 +55,28 @@ class MlflowRun:
             self._batch(params=part)
 
     def log_metrics(self, metrics: Mapping[str, float], step: int) -> None:
-        """Log one point of each metric; a non-finite value becomes NaN, a gap in the curve."""
+        """Log one point of each metric; a non-finite value becomes NaN, a gap in the curve.
+
+        Points are sent every few seconds, and the last ones when the run ends.
+        """
         from mlflow.entities import Metric
 
         now = int(time.time() * 1000)
         # MLflow would store infinity as 1.8e308, which ruins the scale of a plot.
         points = {key: float(v) if math.isfinite(v) else math.nan for key, v in metrics.items()}
-        entries = [
+        self._waiting += [
             Metric(key, value, now, step)
             for key, value in points.items()
             if (step, value) not in self._logged(key)
         ]
-        for part in _chunks(entries, METRIC_BATCH):
+        if time.monotonic() >= self._sent + SEND_EVERY:
+            self.send_metrics()
+
+    def send_metrics(self) -> None:
+        """Send the points that are waiting."""
+        for part in _chunks(self._waiting, METRIC_BATCH):
             self._batch(metrics=part)
+        self._waiting, self._sent = [], time.monotonic()
 
     def set_tags(self, tags: Mapping[str, Any]) -> None:
         """Set tags such as system, verdict and git commit."""

@@ -3,7 +3,7 @@
 import getpass
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Self
+from typing import Self, TypeVar
 
 from dashred.core.mlflow.run import MlflowRun
 from dashred.core.mlflow.store import (
@@ -13,6 +13,9 @@ from dashred.core.mlflow.store import (
     mlflow_input_errors,
     open_store,
 )
+from dashred.core.system_errors import ExternalServiceError
+
+Logged = TypeVar("Logged", bound=MlflowRun)
 
 
 class ChildRun(MlflowRun):
@@ -52,8 +55,8 @@ class Tracker(MlflowRun):
             tags = {"mlflow.parentRunId": above} if above else {}
             with mlflow_input_errors(store.uri):
                 opened = _create_run(store, run_name, tags)
-        with _end_run(store, opened, as_finished=not run_id):
-            yield cls(store, opened)
+        with _end_run(store, opened, as_finished=not run_id), _sending(cls(store, opened)) as run:
+            yield run
 
     @classmethod
     @contextmanager
@@ -65,8 +68,8 @@ class Tracker(MlflowRun):
         """
         store = open_store(root, experiment)
         store.client.update_run(find_run(store, run_id), "RUNNING")
-        with _end_run(store, run_id, as_finished=True):
-            yield cls(store, run_id)
+        with _end_run(store, run_id, as_finished=True), _sending(cls(store, run_id)) as run:
+            yield run
 
     def rename(self, run_id: str, name: str) -> None:
         """Rename a run of the store; a deleted run is ignored."""
@@ -79,13 +82,16 @@ class Tracker(MlflowRun):
     def child(self, name: str) -> Iterator[ChildRun]:
         """Open a nested run; it ends FINISHED, FAILED after an exception, or KILLED.
 
-        Nested runs with the same name from an earlier attempt are deleted.
+        Nested runs with the same name from an earlier attempt are deleted. At the end of a nested
+        run, the metrics of this run are sent too: the checkpoint of the stage comes after it.
         """
         self._drop_children(name)
         with self._service_errors():
             opened = _create_run(self._store, name, {"mlflow.parentRunId": self.run_id})
         with _end_run(self._store, opened, as_finished=True):
-            yield ChildRun(self._store, opened)
+            with _sending(ChildRun(self._store, opened)) as child:
+                yield child
+            self.send_metrics()
 
     def _drop_children(self, name: str) -> None:
         mine = f"tags.`mlflow.parentRunId` = '{self.run_id}'"
@@ -99,6 +105,18 @@ def _create_run(store: Store, name: str, tags: dict[str, str]) -> str:
     tags = {"mlflow.user": getpass.getuser(), "mlflow.source.name": "dashred", **tags}
     run = store.client.create_run(store.experiment_id, run_name=name, tags=tags)
     return str(run.info.run_id)
+
+
+@contextmanager
+def _sending(run: Logged) -> Iterator[Logged]:
+    """Send the last metrics at the end; an error of the store must not hide an earlier failure."""
+    try:
+        yield run
+    except BaseException:
+        with suppress(ExternalServiceError):
+            run.send_metrics()
+        raise
+    run.send_metrics()
 
 
 @contextmanager

@@ -48,7 +48,7 @@ class Blocks:
             self.gram * w[:, None], self.moment * w, self.power * weights, self.rows * weights
         )
 
-    def pooled(self, included: NDArray[np.bool_]) -> Blocks:
-        """Return the problem with some of the blocks, summed into one block."""
+    def selected(self, included: NDArray[np.bool_]) -> Blocks:
+        """Return the problem of some of the blocks."""
         parts = (self.gram, self.moment, self.power, self.rows)
-        return Blocks(*(part[included].sum(axis=0, keepdims=True) for part in parts))
+        return Blocks(*(part[included] for part in parts))

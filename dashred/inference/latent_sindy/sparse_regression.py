@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -16,6 +16,8 @@ from sklearn.linear_model import lars_path_gram
 from dashred.inference.latent_sindy.blocks import Array, Blocks
 
 FOLDS = 5
+# Larger sets are not sparse, and cross-validation of them would take most of the time.
+LARGEST_SET = 12
 # Directions of the Gram matrix below this share of the largest are rounding errors.
 RANK_TOLERANCE = 1e-10
 # A Gram matrix with a larger reciprocal condition number is solved by Cholesky, which is faster.
@@ -53,9 +55,9 @@ def sparse_fit(
     """Propose a sparse set of terms.
 
     The candidate sets are the empty set, the sets of PySINDy's STLSQ and SSR, the sets along the L1
-    path (LARS), the sets of forward selection, and the best pair. The proposal is the smallest
-    candidate set whose error in block cross-validation is close to the lowest error. It is close if
-    one of two rules holds:
+    path (LARS), the sets of forward selection, and the best pair, each of at most 12 terms. The
+    proposal is the smallest candidate set whose error in block cross-validation is close to the
+    lowest error. It is close if one of two rules holds:
 
     - The mean log ratio of the errors is within √(1 + 2 ln terms) standard errors. This is the
       one-standard-error rule (Hastie, Tibshirani & Friedman, *Elements*, §7.10), with the allowance
@@ -81,7 +83,7 @@ def sparse_fit(
     scaled = blocks.columns(determined, factors)
     order = _forward_order(scaled)
     candidates = _candidates(scaled, threshold, order)
-    chosen = _refit(scaled, _choose_support(scaled, candidates, threshold))
+    chosen = _refits(scaled, [_choose_support(scaled, candidates, threshold)])[0]
     share, coefficients, inclusion = (np.zeros(len(norms)) for _ in range(3))
     share[determined], coefficients[determined] = np.abs(chosen), chosen * factors
     inclusion[determined] = _inclusion(scaled, threshold, bootstraps, rng)
@@ -98,7 +100,8 @@ def _candidates(blocks: Blocks, threshold: float, order: list[int]) -> list[Supp
     supports.update(_l1_path(blocks))
     supports.update(tuple(sorted(order[:size])) for size in range(1, len(order) + 1))
     supports.add(_best_pair(blocks))
-    return sorted(supports, key=lambda support: (len(support), support))
+    sparse = (support for support in supports if len(support) <= LARGEST_SET)
+    return sorted(sparse, key=lambda support: (len(support), support))
 
 
 def _forward_order(blocks: Blocks) -> list[int]:
@@ -186,13 +189,14 @@ def _support(coefficients: Array) -> Support:
     return tuple(int(j) for j in np.flatnonzero(coefficients))
 
 
-def _refit(blocks: Blocks, support: Support) -> Array:
-    """Return the least-squares coefficients on a support, zero elsewhere."""
-    coefficients = np.zeros(blocks.moment.shape[1])
-    if support:
-        index = list(support)
-        gram = blocks.gram.sum(axis=0)[index][:, index]
-        coefficients[index] = _solve(gram, blocks.moment.sum(axis=0)[index])
+def _refits(blocks: Blocks, supports: Sequence[Support]) -> Array:
+    """Return the least-squares coefficients on each support, zero elsewhere, ``(set, term)``."""
+    gram, moment = blocks.gram.sum(axis=0), blocks.moment.sum(axis=0)
+    coefficients = np.zeros((len(supports), len(moment)))
+    for row, support in zip(coefficients, supports, strict=True):
+        if support:
+            index = np.array(support)
+            row[index] = _solve(gram[index[:, None], index], moment[index])
     return coefficients
 
 
@@ -207,9 +211,9 @@ def _solve(gram: Array, moment: Array) -> Array:
 
 
 def _errors(blocks: Blocks, coefficients: Array) -> Array:
-    """Return the squared error of each block."""
-    fitted = (blocks.gram @ coefficients) @ coefficients
-    return blocks.power - 2 * blocks.moment @ coefficients + fitted
+    """Return the squared error of each block for coefficients ``(set, term)``, ``(set, block)``."""
+    quadratic = np.einsum("bis,si->sb", blocks.gram @ coefficients.T, coefficients)
+    return blocks.power - 2 * coefficients @ blocks.moment.T + quadratic
 
 
 def _choose_support(blocks: Blocks, candidates: list[Support], threshold: float) -> Support:
@@ -220,10 +224,8 @@ def _choose_support(blocks: Blocks, candidates: list[Support], threshold: float)
     fold = np.arange(count) * FOLDS // count
     errors = np.zeros((len(candidates), count))
     for k in range(FOLDS):
-        training = blocks.pooled(fold != k)
-        for i, support in enumerate(candidates):
-            left_out = _errors(blocks, _refit(training, support))
-            errors[i, fold == k] = left_out[fold == k]
+        coefficients = _refits(blocks.selected(fold != k), candidates)
+        errors[:, fold == k] = _errors(blocks.selected(fold == k), coefficients)
     means = errors.mean(axis=1)
     best = int(means.argmin())
     # A front passes in some blocks only, and these would dominate the differences of errors.
@@ -253,11 +255,10 @@ def _inclusion(
 
 
 def _path(blocks: Blocks, candidates: list[Support]) -> list[tuple[int, float]]:
-    blocks = blocks.pooled(blocks.power >= 0)
-    power = blocks.power.sum()
+    power = max(float(blocks.power.sum()), 1e-300)
+    errors = _errors(blocks, _refits(blocks, candidates)).sum(axis=1)
     best: dict[int, float] = {}
-    for support in candidates:
-        error = float(_errors(blocks, _refit(blocks, support)).sum() / max(power, 1e-300))
-        rmse = float(np.sqrt(max(error, 0.0)))
+    for support, error in zip(candidates, errors, strict=True):
+        rmse = float(np.sqrt(max(error / power, 0.0)))
         best[len(support)] = min(best.get(len(support), np.inf), rmse)
     return sorted(best.items())

@@ -112,8 +112,27 @@ def test_params_of_any_number_type_and_length(tracker: Tracker) -> None:
 def test_metrics_are_curves_and_more_than_one_batch_goes_through(tracker: Tracker) -> None:
     for step in (0, 1):
         tracker.log_metrics({f"alg1/u/z{index}": index + step for index in range(1001)}, step)
+    tracker.send_metrics()
     history = client_of(tracker).get_metric_history(tracker.run_id, "alg1/u/z1000")
     assert [(point.step, point.value) for point in history] == [(0, 1000.0), (1, 1001.0)]
+
+
+@pytest.mark.parametrize("stop", [False, True])
+def test_points_that_wait_are_sent_when_a_nested_run_ends(
+    tracker: Tracker, stop: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those of the parent too, unless the nested run fails; then they wait for the parent's end."""
+    monkeypatch.setattr("dashred.core.mlflow.run.SEND_EVERY", 1e9)
+    with suppress(ZeroDivisionError), tracker.child("shred") as child:
+        for step in range(3):
+            child.log_metrics({"rmse": float(step)}, step)
+            tracker.log_metrics({"shred/rmse": float(step)}, step)
+        client = client_of(tracker)
+        assert len(client.get_metric_history(child.run_id, "rmse")) == 1
+        if stop:
+            raise ZeroDivisionError
+    assert len(client.get_metric_history(child.run_id, "rmse")) == 3
+    assert len(client.get_metric_history(tracker.run_id, "shred/rmse")) == (1 if stop else 3)
 
 
 def test_what_is_not_finite_leaves_a_gap(tracker: Tracker) -> None:
