@@ -15,6 +15,7 @@ from dashred.physics.expressions.algebra import (
     Power,
     Product,
     Sum,
+    Where,
 )
 from dashred.physics.expressions.functions import FUNCTIONS
 from dashred.physics.system import System
@@ -69,6 +70,9 @@ def unit_of(system: System, expr: Expr) -> Unit | None:
             return None if inner is None else inner / _of_name(system, axis)
         case Call(function, operand):
             return _of_call(system, function, unit_of(system, operand))
+        case Where(_, positive, otherwise):
+            units = {unit_of(system, branch) for branch in (positive, otherwise)}
+            return units.pop() if len(units) == 1 else None
         case _:
             return None
 

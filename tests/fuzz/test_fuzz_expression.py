@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from dashred.core.errors import InputError
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import Expr, Number
+from dashred.physics.expressions.combinations import COMBINATIONS
 from dashred.physics.expressions.functions import FUNCTIONS
 from dashred.physics.expressions.parser import KNOWN, MAX_LENGTH, Vocabulary, number, parse
 from tests.fuzz.examples import fuzzed
@@ -26,7 +27,9 @@ NUMBERS = st.one_of(
     st.sampled_from(["1e308", "1e-308", "5e-324", "1e999", "0.", ".5", "0x1F", "1_0", "2j", "pi"]),
 )
 NAMES = st.sampled_from(["u", "v", "nu", "x", "t", "y", "w", "__class__", "inf", "nan"])
-FUNCTION = st.sampled_from(sorted(KNOWN | {"eval", "max"}))
+FUNCTION = st.sampled_from(sorted(KNOWN | {"eval", "sum"}))
+COMPARISON = st.sampled_from([" > ", ">=", " < ", "<=", "==", " and ", " or ", " in "])
+SEVERAL = st.sampled_from(sorted(COMBINATIONS))
 SIGNS = st.sampled_from([" + ", "-", "*", "/", "**", "//", "%", "@", "^", "<", " if ", ","])
 
 
@@ -41,6 +44,10 @@ def grown(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
         st.tuples(FUNCTION, inner).map(lambda p: f"{p[0]}({p[1]})"),
         st.tuples(inner, st.integers(0, 9)).map(lambda p: f"d({p[0]}, x, {p[1]})"),
         inner.map("d({}, x)".format),
+        st.tuples(inner, COMPARISON, inner).map("".join),
+        inner.map("not {}".format),
+        st.tuples(SEVERAL, inner, inner).map(lambda p: f"{p[0]}({p[1]}, {p[2]})"),
+        st.tuples(SEVERAL, inner, inner, inner).map(lambda p: f"{p[0]}({', '.join(p[1:])})"),
         inner.map("flux({}, x)".format),
         inner.map("u.{}".format),
         inner.map("u[{}]".format),
@@ -100,11 +107,28 @@ SMALL = st.recursive(
         st.tuples(inner, st.sampled_from(["+", "-", "*", "**"]), inner).map("".join),
         inner.map("-{}".format),
         st.tuples(st.sampled_from(sorted(FUNCTIONS)), inner).map(lambda p: f"{p[0]}({p[1]})"),
+        st.tuples(inner, st.sampled_from([">", ">=", "<", "<="]), inner).map(
+            lambda p: f"({' '.join(p)})"
+        ),
+        st.tuples(st.sampled_from(["min", "max", "atan2", "pow"]), inner, inner).map(
+            lambda p: f"{p[0]}({p[1]}, {p[2]})"
+        ),
+        st.tuples(inner, inner, inner).map("clip({0[0]}, {0[1]}, {0[2]})".format),
+        st.tuples(inner, inner, inner, inner).map(
+            "where({0[0]} > {0[1]} or not {0[2]} > 1, {0[2]}, {0[3]})".format
+        ),
     ),
     max_leaves=8,
 )
 STATES = st.fixed_dictionaries({name: st.floats(-3, 3) for name in ("u", "v", "t")})
-SCALARS = {name: function.scalar for name, function in FUNCTIONS.items()}
+SCALARS = {name: function.scalar for name, function in FUNCTIONS.items()} | {
+    "min": min,
+    "max": max,
+    "atan2": math.atan2,
+    "pow": lambda a, b: a**b,
+    "clip": lambda a, low, high: min(max(a, low), high),
+    "where": lambda condition, a, b: a if condition else b,
+}
 NO_VALUE = (ArithmeticError, ValueError, TypeError)
 
 
@@ -117,6 +141,8 @@ def test_the_normal_form_has_the_value_of_the_text(text: str, at: dict[str, floa
         found = value(expr, at)
     except (*NO_VALUE, InputError):
         return
+    if isinstance(wanted, bool):
+        wanted = float(wanted)
     if isinstance(wanted, complex):  # complex intermediate values may cancel: (-1)**u - (-1)**u
         return
     assert found == pytest.approx(wanted, rel=1e-6, abs=1e-6)
@@ -140,6 +166,11 @@ def value(expr: Expr, at: dict[str, float]) -> float:
             if abs(inner) < 1e-9:
                 raise ArithmeticError("a jump, or the edge of a domain")
             found = FUNCTIONS[function].scalar(inner)
+        case algebra.Where(condition, positive, otherwise):
+            inner = value(condition, at)
+            if abs(inner) < 1e-9:
+                raise ArithmeticError("a jump")
+            found = value(positive if inner > 0 else otherwise, at)
         case _:
             raise AssertionError(expr)
     if not isinstance(found, float) or abs(found) > 1e4:

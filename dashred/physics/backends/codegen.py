@@ -9,7 +9,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from dashred.physics.expressions.algebra import Call, Expr, Name, Number, Power, Product, Sum
+from dashred.physics.expressions.algebra import (
+    Call,
+    Expr,
+    Name,
+    Number,
+    Power,
+    Product,
+    Sum,
+    Where,
+)
 from dashred.physics.expressions.functions import FUNCTIONS
 
 
@@ -30,11 +39,26 @@ class CodeWriter:
         if isinstance(expr, Number):
             return f"({expr.value!r})"
         if expr not in self.seen:
+            if isinstance(expr, Where):
+                return self._write_branches(expr)
             code = self._code(expr)
             name = f"v{len(self.seen)}"
             self.lines.append(f"{name} = {code}")
             self.seen[expr] = name
         return self.seen[expr]
+
+    def _write_branches(self, expr: Where) -> str:
+        """Append an if statement: only one branch is computed, the other may have no value."""
+        condition, code = self.write(expr.condition), []
+        for branch in (expr.positive, expr.otherwise):
+            writer = CodeWriter(self.known)
+            writer.seen = dict(self.seen)
+            code.append((writer.lines, writer.write(branch)))
+        name = f"v{len(self.seen)}"
+        for head, (lines, value) in zip((f"if {condition} > 0.0:", "else:"), code, strict=True):
+            self.lines += [head, *(f"    {line}" for line in (*lines, f"{name} = {value}"))]
+        self.seen[expr] = name
+        return name
 
     def _code(self, expr: Expr) -> str:
         match expr:

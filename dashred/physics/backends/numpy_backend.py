@@ -18,6 +18,7 @@ from dashred.physics.expressions.algebra import (
     Power,
     Product,
     Sum,
+    Where,
     children,
     split_coefficient,
     summands,
@@ -105,6 +106,9 @@ class Pointwise:
             case Call(function, _) if function in FUNCTIONS:
                 compute = FUNCTIONS[function].arrays(np)
                 return lambda m, v: compute(m[slots[0]])
+            case Where():
+                condition, *branches = slots
+                return lambda m, v: np.where(np.greater(m[condition], 0), *(m[s] for s in branches))
         raise TypeError(f"{expr!r} is not pointwise")
 
 

@@ -18,6 +18,7 @@ from dashred.physics.expressions.algebra import (
     Power,
     Product,
     Sum,
+    Where,
     children,
     names,
     split_coefficient,
@@ -90,6 +91,8 @@ def _step(expr: Expr, slots: list[int]) -> Step:
             return lambda m, v, ops: ops.derivative(m[slots[0]], axis, order)
         case Call(function, _):
             return _call(function, slots[0])
+        case Where():
+            return lambda m, v, ops: Value(_choose(*(_tensor(m[slot], ops) for slot in slots)))
     raise TypeError(f"cannot compile {expr!r}")
 
 
@@ -103,6 +106,10 @@ def _call(function: str, slot: int) -> Step:
             return lambda m, v, ops: Value(_squared_gradient(m[slot], ops))
     compute = FUNCTIONS[function].arrays(torch)
     return lambda m, v, ops: Value(compute(_tensor(m[slot], ops)))
+
+
+def _choose(condition: Tensor, positive: Tensor, otherwise: Tensor) -> Tensor:
+    return torch.where(condition > 0, positive, otherwise)
 
 
 def _squared_gradient(value: Value, operators: Operators) -> Tensor | float:

@@ -20,6 +20,7 @@ from dashred.physics.expressions.nodes import (
     Power,
     Product,
     Sum,
+    Where,
     children,
     names,
     to_text,
@@ -37,6 +38,7 @@ __all__ = [
     "Power",
     "Product",
     "Sum",
+    "Where",
     "add",
     "call",
     "children",
@@ -49,6 +51,7 @@ __all__ = [
     "substitute",
     "summands",
     "to_text",
+    "where",
 ]
 
 ZERO, ONE = Number(0.0), Number(1.0)
@@ -181,6 +184,21 @@ def derivative(operand: Expr, axis: str, order: int) -> Expr:
     return scale(value, inner)
 
 
+def where(condition: Expr, positive: Expr, otherwise: Expr) -> Expr:
+    """Return ``positive`` where ``condition > 0``, else ``otherwise``, in normal form.
+
+    A condition ``step(x)`` is written as x, and ``1 - step(x)`` as x with exchanged branches.
+    """
+    match condition:
+        case Number(value):
+            return positive if value > 0 else otherwise
+        case Call("step", inner):
+            return where(inner, positive, otherwise)
+        case Sum((Number(1.0), Product((Number(-1.0), Call("step", inner))))):
+            return where(inner, otherwise, positive)
+    return positive if positive == otherwise else Where(condition, positive, otherwise)
+
+
 def substitute(expr: Expr, values: Mapping[str, Expr]) -> Expr:
     """Replace names by expressions and return the normal form of the result.
 
@@ -202,6 +220,9 @@ def substitute(expr: Expr, values: Mapping[str, Expr]) -> Expr:
             return derivative(substitute(operand, values), axis, order)
         case Flux(operand, axis, transported):
             return Flux(substitute(operand, values), axis, transported)
+        case Where(condition, positive, otherwise):
+            parts = (substitute(part, values) for part in (condition, positive, otherwise))
+            return where(*parts)
         case Number():
             return expr
 
@@ -234,7 +255,17 @@ def _real(value: complex) -> float:
     return float(value)
 
 
-_RANK = {Number: 0, Name: 1, Power: 2, Call: 3, Derivative: 4, Flux: 5, Product: 6, Sum: 7}
+_RANK = {
+    Number: 0,
+    Name: 1,
+    Power: 2,
+    Call: 3,
+    Derivative: 4,
+    Flux: 5,
+    Where: 6,
+    Product: 7,
+    Sum: 8,
+}
 
 
 def _sort_key(expr: Expr) -> tuple[int, str]:

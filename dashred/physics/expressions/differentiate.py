@@ -16,6 +16,7 @@ from dashred.physics.expressions.algebra import (
     Power,
     Product,
     Sum,
+    Where,
     add,
     call,
     derivative,
@@ -23,6 +24,7 @@ from dashred.physics.expressions.algebra import (
     power,
     scale,
     substitute,
+    where,
 )
 from dashred.physics.expressions.functions import FUNCTIONS
 from dashred.physics.expressions.parser import Vocabulary, parse
@@ -39,7 +41,8 @@ def differentiate(expr: Expr, name: str) -> Expr:
     """Return ``∂expr/∂name``.
 
     The derivative commutes with spatial operators, as for a parameter that is constant in space:
-    ``∂/∂c lap(c*u) = lap(u)``. The derivatives of ``sign`` and ``step`` are zero.
+    ``∂/∂c lap(c*u) = lap(u)``. The derivatives of ``sign`` and ``step`` are zero,
+    and the jumps of ``where`` are left out.
 
     Raises:
         NotDifferentiableError: the name is the field that a flux transports.
@@ -69,6 +72,8 @@ def differentiate(expr: Expr, name: str) -> Expr:
                 )
             slope = differentiate(operand, name)
             return slope if slope == ZERO else Flux(slope, axis, transported)
+        case Where(condition, positive, otherwise):
+            return where(condition, differentiate(positive, name), differentiate(otherwise, name))
         case Number():
             return ZERO
 

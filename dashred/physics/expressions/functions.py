@@ -34,7 +34,7 @@ class Function:
         code: Python source of the value, with ``{0}`` for the argument; it may use ``math``.
             Numba compiles it.
         arrays: takes an array library, ``numpy`` or ``torch``, and returns the function of
-            arrays. This module imports neither library.
+            arrays.
         derivative: f'(x), in the equation language.
         parity: symmetry about 0.
         unit_power: n, if the unit of f(x) is the unit of x to the power n; 0 for functions of
@@ -58,6 +58,16 @@ def _common(
     return Function(name, scalar, code, arrays, derivative, parity, unit_power)
 
 
+def _erf(library: Any) -> Callable[[Any], Any]:
+    """Return the error function of arrays, which NumPy does not have."""
+    if hasattr(library, "erf"):
+        found: Callable[[Any], Any] = library.erf
+        return found
+    from scipy.special import erf
+
+    return erf
+
+
 _TABLE = (
     _common("sin", "cos(x)", Parity.ODD),
     _common("cos", "-sin(x)", Parity.EVEN),
@@ -65,7 +75,18 @@ _TABLE = (
     _common("exp", "exp(x)"),
     _common("log", "1/x"),
     _common("sqrt", "0.5/sqrt(x)", unit_power=0.5),
+    _common("sinh", "cosh(x)", Parity.ODD),
+    _common("cosh", "sinh(x)", Parity.EVEN),
     _common("tanh", "1 - tanh(x)**2", Parity.ODD),
+    _common("atan", "1/(1 + x**2)", Parity.ODD),
+    Function(
+        "erf",
+        scalar=math.erf,
+        code="math.erf({0})",
+        arrays=_erf,
+        derivative="2/sqrt(pi)*exp(-x**2)",
+        parity=Parity.ODD,
+    ),
     Function(
         "sech",
         scalar=lambda x: 1.0 / math.cosh(x),

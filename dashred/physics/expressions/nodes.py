@@ -70,7 +70,16 @@ class Flux:
     transported: str
 
 
-Expr = Number | Name | Sum | Product | Power | Call | Derivative | Flux
+@dataclass(frozen=True, slots=True)
+class Where:
+    """``positive`` where ``condition > 0``, else ``otherwise``; build with :func:`where`."""
+
+    condition: Expr
+    positive: Expr
+    otherwise: Expr
+
+
+Expr = Number | Name | Sum | Product | Power | Call | Derivative | Flux | Where
 
 
 def children(expr: Expr) -> tuple[Expr, ...]:
@@ -84,6 +93,8 @@ def children(expr: Expr) -> tuple[Expr, ...]:
             return (base, exponent)
         case Call(_, operand) | Derivative(operand, _, _) | Flux(operand, _, _):
             return (operand,)
+        case Where(condition, positive, otherwise):
+            return (condition, positive, otherwise)
         case _:
             return ()
 
@@ -115,6 +126,9 @@ def to_text(expr: Expr) -> str:
             return f"d({to_text(operand)}, {axis}{f', {order}' if order > 1 else ''})"
         case Flux(operand, axis, _):
             return f"flux({to_text(operand)}, {axis})"
+        case Where(condition, positive, otherwise):
+            branches = f"{to_text(positive)}, {to_text(otherwise)}"
+            return f"where({to_text(condition)} > 0, {branches})"
 
 
 def _product_text(factors: tuple[Expr, ...]) -> str:

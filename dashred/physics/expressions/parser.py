@@ -1,9 +1,9 @@
 """Parser of the equation language: text → expression tree.
 
 The parser accepts a whitelist of syntax and evaluates nothing. Allowed are numbers, known names,
-``+ - * / **``, and the functions of :data:`FUNCTIONS` and :data:`OPERATORS`. Everything else
-(attributes, subscripts, calls of other names, keywords, strings, comparisons) is an error, and
-its message points at the column.
+``+ - * / **``, ``> >= < <=``, ``and or not``, and the functions of :data:`FUNCTIONS`,
+:data:`COMBINATIONS` and :data:`OPERATORS`. Everything else (attributes, subscripts, calls of other
+names, keywords, strings) is an error, and its message points at the column.
 """
 
 from __future__ import annotations
@@ -15,14 +15,22 @@ import re
 import warnings
 from collections.abc import Collection
 from dataclasses import dataclass
+from itertools import pairwise
 
 from dashred.core.errors import InputError, nearest
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import Expr, Name, Number
+from dashred.physics.expressions.combinations import (
+    COMBINATIONS,
+    is_greater,
+    negation,
+)
+from dashred.physics.expressions.expression_size import size_of
 from dashred.physics.expressions.functions import FUNCTIONS
 
 OPERATORS = frozenset({"d", "lap", "inv_lap", "grad2", "flux"})
-KNOWN = FUNCTIONS.keys() | OPERATORS
+LOGIC = frozenset({"and", "or", "not"})
+KNOWN = FUNCTIONS.keys() | COMBINATIONS.keys() | OPERATORS
 RESERVED = KNOWN | {"pi", "t"}
 MAX_LENGTH = 2000
 MAX_DEPTH = 60
@@ -82,8 +90,11 @@ def _check_text(text: str, where: str) -> None:
         message = f"{foreign.group()!r} is not allowed: names and signs are plain ASCII"
         raise _error(stripped, foreign.start(), message, where, "write λ as lam, u² as u**2")
     for match in re.finditer(r"[A-Za-z_]\w*", stripped):
-        if keyword.iskeyword(word := match.group()):
-            hint = f"rename it, for example to {'lam' if word == 'lambda' else word + '_0'!r}"
+        if keyword.iskeyword(word := match.group()) and word not in LOGIC:
+            renamed = "lam" if word == "lambda" else f"{word}_0"
+            hint = f"rename it, for example to {renamed!r}"
+            if word in ("if", "else"):
+                hint = "write where(u > 0, a, b) for a where u > 0, else b"
             message = f"{word!r} is a Python keyword and cannot be a name"
             raise _error(stripped, match.start(), message, where, hint)
     if "^" in stripped:
@@ -130,6 +141,8 @@ class _Reader:
                 return algebra.scale(-1.0, self.read(operand, depth))
             case ast.UnaryOp(op=ast.UAdd(), operand=operand):
                 return self.read(operand, depth)
+            case ast.Compare() | ast.BoolOp() | ast.UnaryOp(op=ast.Not()):
+                return self.read_condition(node, depth)
             case ast.BinOp(left=left, op=op, right=right):
                 return self.read_binary(node, op, self.read(left, depth), self.read(right, depth))
             case ast.Call(func=ast.Name(id=function), args=arguments, keywords=[]):
@@ -159,15 +172,45 @@ class _Reader:
                 return algebra.power(left, right)
         raise self.fail(node, "this operator is not part of the equation language", _ALLOWED)
 
+    def read_condition(self, node: ast.AST, depth: int) -> Expr:
+        """Read a comparison, or conditions joined by and, or, not; its values are 0 and 1."""
+        match node:
+            case ast.Compare(left=left, ops=operators, comparators=others):
+                values = [self.read(part, depth) for part in (left, *others)]
+                pairs = zip(operators, pairwise(values), strict=True)
+                compared = [self.read_comparison(node, sign, *pair) for sign, pair in pairs]
+                return self.limited(node, algebra.multiply(compared))
+            case ast.UnaryOp(op=ast.Not(), operand=operand):
+                return negation(self.read_condition(operand, depth + 1))
+            case ast.BoolOp(op=ast.And(), values=parts):
+                return algebra.multiply(self.read_condition(part, depth + 1) for part in parts)
+            case ast.BoolOp(values=parts):
+                read = (negation(self.read_condition(part, depth + 1)) for part in parts)
+                return negation(algebra.multiply(read))
+            case ast.Call(func=ast.Name(id="step")):
+                return self.read(node, depth)
+        raise self.fail(node, "this is not a condition", "write a comparison, such as u > 0")
+
+    def read_comparison(self, node: ast.AST, operator: ast.cmpop, a: Expr, b: Expr) -> Expr:
+        match operator:
+            case ast.Gt():
+                return is_greater(a, b)
+            case ast.Lt():
+                return is_greater(b, a)
+            case ast.GtE():
+                return negation(is_greater(b, a))
+            case ast.LtE():
+                return negation(is_greater(a, b))
+        raise self.fail(node, "a comparison is written with >, >=, < or <=")
+
     def read_call(
         self, node: ast.AST, function: str, arguments: list[ast.expr], depth: int
     ) -> Expr:
         if function not in KNOWN:
             raise self.unknown(node, f"unknown function {function!r}", function, KNOWN)
-        counts = {"d": (2, 3), "flux": (2,)}.get(function, (1,))
-        if len(arguments) not in counts:
-            wanted = " or ".join(map(str, counts))
-            raise self.fail(node, f"{function}() takes {wanted} arguments, not {len(arguments)}")
+        self.check_count(node, function, len(arguments))
+        if function in COMBINATIONS:
+            return self.read_combination(node, function, arguments, depth)
         operand = self.read(arguments[0], depth)
         if function in FUNCTIONS:
             return algebra.call(function, operand)
@@ -176,6 +219,30 @@ class _Reader:
         expr = self.read_operator(function, operand, arguments[1:])
         if (order := _order(expr)) > MAX_ORDER:
             raise self.fail(node, f"a derivative of order {order} is above {MAX_ORDER}")
+        return expr
+
+    def check_count(self, node: ast.AST, function: str, count: int) -> None:
+        if function in COMBINATIONS:
+            counts: tuple[int, ...] = (COMBINATIONS[function][0],)
+        else:
+            counts = {"d": (2, 3), "flux": (2,)}.get(function, (1,))
+        if count not in counts:
+            wanted = " or ".join(map(str, counts))
+            plural = "" if counts == (1,) else "s"
+            raise self.fail(node, f"{function}() takes {wanted} argument{plural}, not {count}")
+
+    def read_combination(
+        self, node: ast.AST, function: str, arguments: list[ast.expr], depth: int
+    ) -> Expr:
+        read = self.read_condition if function == "where" else self.read
+        first, *others = arguments
+        operands = [read(first, depth), *(self.read(other, depth) for other in others)]
+        return self.limited(node, COMBINATIONS[function][1](*operands))
+
+    def limited(self, node: ast.AST, expr: Expr) -> Expr:
+        """Return an expression that repeats its operands, if it has not become too large."""
+        if size_of(expr, {}).is_too_large:
+            raise self.fail(node, "the expression is too large", "define a part of it as a let")
         return expr
 
     def read_operator(self, function: str, operand: Expr, rest: list[ast.expr]) -> Expr:
@@ -219,4 +286,7 @@ def _order(expr: Expr) -> int:
     return max(rest.order, _order(rest.operand)) if isinstance(rest, algebra.Derivative) else 0
 
 
-_ALLOWED = "allowed: numbers, names, + - * / **, and functions such as exp(u), d(u, x), lap(u)"
+_ALLOWED = (
+    "allowed: numbers, names, + - * / **, comparisons such as u > 0, and functions such as exp(u), "
+    "d(u, x), lap(u)"
+)

@@ -24,11 +24,13 @@ from dashred.physics.expressions.algebra import (
     Power,
     Product,
     Sum,
+    Where,
     add,
     call,
     derivative,
     multiply,
     power,
+    where,
 )
 from dashred.physics.expressions.functions import FUNCTIONS, Parity
 
@@ -107,6 +109,9 @@ class Reflection:
                 return EVEN, call(function, self._split_parity(operand)[1])
             case Call(function, operand):
                 return EVEN, call(function, self._even(operand))
+            case Where(condition, positive, otherwise):
+                chosen = where(self._even(condition), self._even(positive), self._even(otherwise))
+                return EVEN, chosen
 
     def _even(self, expr: Expr) -> Expr:
         return _with_side(*self._split_parity(expr))

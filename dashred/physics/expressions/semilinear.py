@@ -23,6 +23,7 @@ from dashred.physics.expressions.algebra import (
     Power,
     Product,
     Sum,
+    Where,
     add,
     call,
     multiply,
@@ -32,6 +33,7 @@ from dashred.physics.expressions.algebra import (
     split_coefficient,
     summands,
     to_text,
+    where,
 )
 from dashred.physics.expressions.differentiate import differentiate
 from dashred.physics.expressions.linear import split_linear
@@ -177,6 +179,8 @@ class SemilinearBuilder:
                 return add(map(self.linear_input, self.split_operators(expr)))
             case Call(function, operand):
                 return call(function, self.pointwise(operand))
+            case Where(condition, positive, otherwise):
+                return where(*map(self.pointwise, (condition, positive, otherwise)))
             case Number() | Name():
                 return expr
 

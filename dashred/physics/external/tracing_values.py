@@ -148,8 +148,6 @@ COMPOSITES: dict[str, Callable[[Symbol], Symbol]] = {
     "square": lambda x: x**2.0,
     "reciprocal": lambda x: x**-1.0,
     "sigmoid": lambda x: 1 / (1 + function("exp", -x)),
-    "cosh": lambda x: (function("exp", x) + function("exp", -x)) / 2,
-    "sinh": lambda x: (function("exp", x) - function("exp", -x)) / 2,
     "clone": lambda x: x,
 }
 

@@ -38,7 +38,7 @@ Result = TypeVar("Result")
 
 EXPRESSIONS = (
     *(nodes.Number, nodes.Name, nodes.Sum, nodes.Product),
-    *(nodes.Power, nodes.Call, nodes.Derivative, nodes.Flux),
+    *(nodes.Power, nodes.Call, nodes.Derivative, nodes.Flux, nodes.Where),
 )
 RECORDS = (
     *(AssimilationResult, SparseFit, Discovery, BestOfSize, Law, SensorFault, ErrorCurve),

@@ -10,7 +10,7 @@ from dashred.inference.segments.segments import Array
 from dashred.inference.segments.selection.law_tendency import law_tendency
 from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.inference.segments.selection.set_selection import SegmentLaw
-from dashred.physics.expressions.algebra import Call, Expr, Power, children
+from dashred.physics.expressions.algebra import Call, Expr, Power, Where, children
 
 # Laws whose tendencies differ by less than this share over the record, and whose scores differ by
 # less than this, are equivalent.
@@ -62,6 +62,8 @@ def _speciality(expr: Expr) -> int:
     own = 0
     if isinstance(expr, Call):
         own = 1 if expr.function in PIECEWISE else 2
+    elif isinstance(expr, Where):
+        own = 1
     elif isinstance(expr, Power):
         own = 0 if _is_natural(expr.exponent) else 1
     return own + sum(map(_speciality, children(expr)))
