@@ -31,9 +31,15 @@ class Episode:
 
 @dataclass(frozen=True)
 class Episodes:
-    """All episodes of a file, in file order: at least one, all with the same sensors."""
+    """All episodes of a file, in file order: at least one, all with the same sensors.
+
+    Attributes:
+        episodes: in the order of the file.
+        left_out: columns of the file that are neither sensors nor inputs, and are not read.
+    """
 
     episodes: tuple[Episode, ...]
+    left_out: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check that names are unique and that all episodes have the same sensors."""

@@ -202,6 +202,8 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     if snapshots is not None:
         every = snapshots.clock_step(native_step(read.episodes[0].recording.times), every)
     sampled, clock = resample_all(read, every)
+    if read.left_out:
+        clock = _with_clause(clock, f"without the columns {', '.join(read.left_out)}")
     splits = []
     for part in sampled.episodes:
         with name_episode_in_errors(part.name):
@@ -255,7 +257,7 @@ def read_recorded(config: Config, system: System) -> Episodes:
     """
     assert config.recording.path is not None
     table = config.recording.sensors if isinstance(config.recording.sensors, str) else None
-    return read_episodes(config.recording.path, table, system)
+    return read_episodes(config.recording.path, table, system, config.recording.ignore)
 
 
 def _snapshots(system: System, read: Episodes) -> Snapshots | None:

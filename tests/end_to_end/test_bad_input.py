@@ -90,7 +90,7 @@ def test_the_recording_that_the_others_spoil_is_good(quick, train, own) -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (cell(0, 3, "q2"), ("mine.csv", "'q2' is not in the table", "one of: p0, p1")),
+        (cell(0, 3, "q2"), ("mine.csv", "sensor 'p2' has no column", "one of: time, p0, p1")),
         (cell(7, 3, "1,5".replace(",", ";")), ("mine.csv:8, column 'p2'", "'1;5' is not a number")),
         (cell(4, 1, "high"), ("mine.csv:5, column 'p0'", "'high' is not a number", "leave")),
         (cell(0, 0, "seconds"), ("mine.csv", "no column 'time'", "seconds, p0")),

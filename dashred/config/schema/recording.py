@@ -31,6 +31,10 @@ class Recording:
     """Step between samples. Twins are sampled at this step; finer recordings are resampled to it;
     null keeps the recording's own step."""
 
+    ignore: list[str]
+    """Columns of a table that are not read. Without this list, a column that is neither a sensor
+    nor an input is left out, unless its name is close to that of a sensor."""
+
     reads: list[str]
     """For twins: fields or lets that the sensors read; empty means every field."""
 

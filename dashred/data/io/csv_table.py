@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
 from dashred.core.units import check_unit, split_unit
+from dashred.data.io.table_dialect import COMMA, find_header, write_decimals_with_a_point
 from dashred.data.sensors import check_names
 
 # A table takes about thirteen times its size in memory, because every cell is a separate string.
 MAX_BYTES = 2**28
-# Column separators of tables that are almost CSV.
-SEPARATORS = ";\t "
 NUMBER = re.compile(r"[+-]?\d+(\.\d*)?")
 SECONDS_AS_NUMBERS = "write times as numbers, for example seconds since the start: 0.25"
 # 2024-05-17, 17.05.24, 5/17/2024, 12:30.
@@ -88,9 +87,11 @@ class Table:
 
 
 def read_table(path: str) -> Table:
-    """Read a comma-separated UTF-8 file whose first line names the columns.
+    """Read a UTF-8 file whose first line names the columns.
 
-    A unit may follow the name of a column in square brackets: ``theta [rad]``.
+    The columns are separated by commas, semicolons, tabs or spaces. Decimals may have a comma if
+    the separator is another one. Lines that begin with # may precede the header. A unit may follow
+    the name of a column in square brackets: ``theta [rad]``.
 
     Raises:
         InputError: the file is missing, empty, not UTF-8 or badly quoted; a column has no name, a
@@ -100,13 +101,14 @@ def read_table(path: str) -> Table:
     lines = array("q")
     try:
         with _opened(path) as file:
-            reader = csv.reader(file, strict=True)
+            text = find_header(file)
+            reader = csv.reader(text.lines, delimiter=text.separator, strict=True)
             for row in reader:
                 if row:
                     rows.append(row)
-                    lines.append(reader.line_num)
+                    lines.append(text.skipped + reader.line_num)
     except csv.Error as error:
-        where = f"{path}:{reader.line_num}"
+        where = f"{path}:{text.skipped + reader.line_num}"
         raise InputError(f"not a readable CSV: {error}", where=where) from None
     except UnicodeDecodeError:
         where, hint = f"{path}:{_undecodable(path)}", "save the table as CSV in UTF-8"
@@ -115,6 +117,8 @@ def read_table(path: str) -> Table:
         raise InputError("the file is empty", where=path)
     columns, units = read_header(rows[0], f"{path}:{lines[0]}")
     _check_rectangular(path, columns, rows, lines)
+    if text.separator != COMMA:
+        write_decimals_with_a_point(rows, lines, path)
     header = lines[0]
     # In place: copying the list of a long table would double its memory.
     del rows[0], lines[0]
@@ -192,13 +196,6 @@ def _split_units(cells: list[str]) -> list[tuple[str, str | None]]:
     ]
 
 
-def separator_hint(columns: Sequence[str]) -> str | None:
-    """Return a hint if the table seems to use another separator than a comma, else None."""
-    if len(columns) != 1 or not any(mark in columns[0] for mark in SEPARATORS):
-        return None
-    return "separate columns with commas and write decimals with a point: 0.5,1.25"
-
-
 def _check_rectangular(
     path: str, columns: Sequence[str], rows: list[list[str]], lines: Sequence[int]
 ) -> None:
@@ -211,11 +208,9 @@ def _check_rectangular(
 
 def _row_length_hint(columns: Sequence[str], row: Sequence[str]) -> str | None:
     """Return a likely reason for a row with the wrong number of cells, or None."""
-    if columns[0].startswith("#"):
-        return "the first line must name every column: remove the lines that begin with #"
     if len(row) > len(columns) and all(cell.strip() and is_number(cell.strip()) for cell in row):
-        return "do the decimals use a comma? Write them with a point: 0.5"
-    return separator_hint(columns)
+        return "do the decimals use a comma? Write them with a point, or separate columns with ;"
+    return "the first line must name every column; lines before it must begin with #"
 
 
 def _is_plain(text: str) -> bool:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 
 from dashred.core.errors import InputError
 from dashred.data.episodes import Episodes
 from dashred.data.io.read_csv import read_csv
 from dashred.data.io.read_netcdf import read_netcdf
+from dashred.data.io.table_dialect import TABLES
 from dashred.data.recording import Recording
 from dashred.data.sensors import SystemDescription
 
@@ -21,22 +23,28 @@ def read_recording(path: str, sensors_table: str | None, system: SystemDescripti
     return read_episodes(path, sensors_table, system).single(path)
 
 
-def read_episodes(path: str, sensors_table: str | None, system: SystemDescription) -> Episodes:
-    """Read a recording of a system from ``.csv`` (with its table of sensors) or ``.nc``.
+def read_episodes(
+    path: str, sensors_table: str | None, system: SystemDescription, ignored: Collection[str] = ()
+) -> Episodes:
+    """Read a recording of a system from a table (with its table of sensors) or ``.nc``.
 
     Args:
         path: of the recording.
         sensors_table: path of the table of sensors; None for NetCDF and for ODE systems.
         system: that the sensors observe.
+        ignored: columns of a table that are not read.
 
     Raises:
         InputError: for any other extension, or an invalid file.
     """
     ending = Path(path).suffix.lower()
-    if ending == ".csv":
-        return read_csv(path, sensors_table, system)
+    if ending in TABLES:
+        return read_csv(path, sensors_table, system, ignored)
     if ending != ".nc":
-        problem = f"recordings are .csv or .nc files, not {ending or 'files without an extension'}"
+        kinds = ", ".join(TABLES)
+        problem = (
+            f"recordings are {kinds} or .nc files, not {ending or 'files without an extension'}"
+        )
         raise InputError(problem, where=path)
     if sensors_table is not None:
         problem = f"a NetCDF recording describes its sensors itself, but {sensors_table} is given"

@@ -12,6 +12,7 @@ from dashred.data.episodes import Episodes
 from dashred.data.io.csv_table import read_table
 from dashred.data.io.in_memory import RECORDING, SENSORS, read_in_memory, table_of_sensors
 from dashred.data.io.read_csv import episodes_of_table
+from dashred.data.io.table_dialect import TABLES
 from dashred.physics.system import System
 from dashred.pipeline.problem import read_recorded
 
@@ -44,7 +45,8 @@ def read_recording(recording: Any, sensors: Any, config: Config, system: System)
     configured = config.recording.sensors
     table = configured if is_path(sensors) or sensors is None else sensors
     if recording is not None and not is_path(recording):
-        return read_in_memory(recording, None if isinstance(table, int) else table, system)
+        table = None if isinstance(table, int) else table
+        return read_in_memory(recording, table, system, config.recording.ignore)
     path = config.recording.path
     if path is None:
         if sensors is not None:
@@ -53,10 +55,11 @@ def read_recording(recording: Any, sensors: Any, config: Config, system: System)
         return None
     if table is configured:
         return read_recorded(config, system)
-    if Path(path).suffix.lower() != ".csv":
+    if Path(path).suffix.lower() not in TABLES:
         what = "a NetCDF recording describes its sensors itself, but sensors= is given"
         raise InputError(what, where=path, hint="omit sensors=")
-    return episodes_of_table(read_table(path), table_of_sensors(table), system)
+    ignored = config.recording.ignore
+    return episodes_of_table(read_table(path), table_of_sensors(table), system, ignored)
 
 
 def is_path(given: object) -> bool:

@@ -11,8 +11,9 @@ import numpy as np
 
 from dashred.config.schema.types import NAME
 from dashred.core.errors import InputError
-from dashred.data.io.csv_table import Table, is_number, read_table, separator_hint
+from dashred.data.io.csv_table import Table, is_number, read_table
 from dashred.data.io.reader import read_episodes
+from dashred.data.io.time_column import find_time_column
 from dashred.data.recording import Recording
 from dashred.data.sensors import RESERVED
 from dashred.physics.expressions.parser import RESERVED as LANGUAGE
@@ -88,28 +89,36 @@ def read_recording(path: str, sensors_table: str | None) -> tuple[GuessedSystem,
             equation.
     """
     table = read_table(path)
-    if "time" not in table.columns:
-        raise _without_time(table)
+    times = find_time_column(table).columns
     if sensors_table is None:
-        guessed = _system_from_columns(table)
+        guessed = _system_from_columns(table, times)
     else:
         guessed = _system_from_sensors(read_table(sensors_table))
+    texts = [column for column in table.columns if _is_text(table, column)]
+    ignored = [column for column in texts if column not in (*RESERVED, *times)]
     # The recording is read again below. Free the first copy, because it may be large.
     del table
-    episodes = read_episodes(path, sensors_table, guessed).episodes
+    episodes = read_episodes(path, sensors_table, guessed, ignored).episodes
     return guessed, [episode.recording for episode in episodes]
 
 
-def _system_from_columns(table: Table) -> GuessedSystem:
-    fields = tuple(column for column in table.columns if column not in RESERVED)
+def _system_from_columns(table: Table, times: Sequence[str]) -> GuessedSystem:
+    others = [column for column in table.columns if column not in (*RESERVED, *times)]
+    fields = tuple(column for column in others if not _is_text(table, column))
     if not fields:
-        raise InputError("there is no column besides time", where=table.path)
+        raise InputError("there is no column of numbers besides time", where=table.path)
     if len(fields) > MAX_FIELDS:
         what = f"{len(fields)} columns besides time are too many for the fields of an ODE"
         hint = "if they are sensors of a field in space, give their positions: sensors=TABLE.csv"
         raise InputError(what, where=f"{table.path}:{table.header}", hint=f"{hint} (see --help)")
     _check_names(fields, "column", f"{table.path}:{table.header}")
     return GuessedSystem((), fields)
+
+
+def _is_text(table: Table, column: str) -> bool:
+    """Return whether a column begins with a text, such as a remark or the name of a state."""
+    first = next((cell for cell in table.texts(column) if cell), "")
+    return not is_number(first)
 
 
 def _system_from_sensors(table: Table) -> GuessedSystem:
@@ -177,11 +186,3 @@ def _check_names(names: Sequence[str], kind: str, where: str) -> None:
         else:
             continue
         raise InputError(what, where=where, hint=hint)
-
-
-def _without_time(table: Table) -> InputError:
-    likely = [c for c in table.columns if c.lower() in ("t", "time", "times", "date", "seconds")]
-    hint = separator_hint(table.columns) or f"its columns are {', '.join(table.columns[:12])}"
-    if likely:
-        hint = f"rename the column {likely[0]!r} to 'time' in the header"
-    return InputError("the recording has no column 'time'", where=table.path, hint=hint)

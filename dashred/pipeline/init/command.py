@@ -10,6 +10,7 @@ from pathlib import Path
 from dashred.core.argument_types import read_path
 from dashred.core.arguments import Command, argument
 from dashred.core.errors import DONE, InputError
+from dashred.data.io.table_dialect import TABLES
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +54,7 @@ def main(argv: list[str]) -> int:
     """Read the recording and write its first configuration."""
     words = COMMAND.read(argv)
     path, table = str(words.path), None if words.sensors is None else str(words.sensors)
-    _check_csv(words.path)
+    _check_table(words.path)
     output = words.output or read_path(f"{words.path.stem}.yaml")
     _check_output(output)
 
@@ -88,15 +89,15 @@ def main(argv: list[str]) -> int:
     return DONE
 
 
-def _check_csv(path: Path) -> None:
-    """Check that the recording is a CSV file.
+def _check_table(path: Path) -> None:
+    """Check that the recording is a table.
 
     Raises:
         InputError: it is not.
     """
-    if path.suffix.lower() != ".csv":
+    if path.suffix.lower() not in TABLES:
         hint = "for a NetCDF recording, write the configuration by hand: see conf/rde.yaml"
-        raise InputError("this is not a .csv file", where=str(path), hint=hint)
+        raise InputError(f"this is not a {' or '.join(TABLES)} file", where=str(path), hint=hint)
 
 
 def _check_output(output: Path) -> None:

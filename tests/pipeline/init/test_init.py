@@ -111,7 +111,7 @@ def test_a_file_that_is_there_is_left_as_it_is(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("header", "says"),
     [
-        ("t,angle,speed", "rename the column 't' to 'time'"),
+        ("Time,angle,Date", "which column has the times"),
         ("time,lambda,speed", "lambda"),
         ("time,angle (rad),speed", r"cannot be a name in an equation"),
         ("time,angle,t", "'t' has another meaning"),

@@ -1,0 +1,113 @@
+"""The column of the times, by name and by content: numbers, dates and times of day."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from dashred.core.errors import InputError
+from dashred.data.io.csv_table import read_table
+from dashred.data.io.in_memory import read_in_memory
+from dashred.data.io.reader import read_recording
+from dashred.data.io.stated_units import StatedUnits
+from dashred.data.io.time_column import find_time_column, read_times
+
+Write = Callable[[str, str], str]
+QUARTERS = 900.0 * np.arange(24)
+
+
+def times(write: Write, system: Any, text: str) -> np.ndarray:
+    table = read_table(write("r.csv", text))
+    return read_times(table, find_time_column(table), StatedUnits(system))
+
+
+def column(name: str, cells: list[str]) -> str:
+    return "\n".join([f"{name};u", *(f"{cell};1" for cell in cells)]) + "\n"
+
+
+def stamps(form: str, begin: str = "2024-05-31 22:00") -> list[str]:
+    return list(pd.date_range(begin, periods=24, freq="15min").strftime(form))
+
+
+@pytest.mark.parametrize("name", ["time", "Time", "TIME", "t", "Timestamp", "datetime", "Date"])
+def test_the_column_is_found_by_its_name(write: Write, ode: Any, name: str) -> None:
+    found = times(write, ode, column(name, ["0", "0.5", "2"]))
+    np.testing.assert_array_equal(found, [0.0, 0.5, 2.0])
+
+
+FORMATS = [
+    *("%Y-%m-%d %H:%M:%S", "%Y-%m-%dT%H:%M:%SZ", "%Y-%m-%d %H:%M", "%Y/%m/%d %H:%M:%S.%f"),
+    *("%d.%m.%Y %H:%M", "%d.%m.%y %H:%M:%S", "%d/%m/%Y %H:%M", "%m/%d/%Y %I:%M %p"),
+    *("%m/%d/%Y %I:%M:%S %p", "%d-%m-%Y %H:%M:%S", "%H:%M:%S", "%H:%M"),
+]
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_dates_are_seconds_since_the_first_row(write: Write, ode: Any, form: str) -> None:
+    """From the last day of a month into the next one, past midnight."""
+    found = times(write, ode, column("Timestamp", stamps(form)))
+    np.testing.assert_allclose(found, QUARTERS)
+
+
+def test_date_and_time_in_two_columns_are_joined(write: Write, ode: Any) -> None:
+    rows = [stamp.replace(" ", ";") for stamp in stamps("%d.%m.%Y %H:%M:%S")]
+    found = times(write, ode, column("Date;Time", rows))
+    np.testing.assert_allclose(found, QUARTERS)
+
+
+@pytest.mark.parametrize(("unit", "seconds"), [("min", 60), ("h", 3600), ("d", 86400), ("s", 1)])
+def test_the_unit_is_that_of_the_system(write: Write, ode: Any, unit: str, seconds: int) -> None:
+    system = replace(ode, units={"t": unit})
+    found = times(write, system, column("time", stamps("%Y-%m-%d %H:%M")))
+    np.testing.assert_allclose(found, QUARTERS / seconds)
+
+
+def test_a_time_zone_counts(write: Write, ode: Any) -> None:
+    """Clocks are put back at the end of summer time."""
+    cells = ["2024-10-27T02:30:00+02:00", "2024-10-27T02:00:00+01:00", "2024-10-27T02:30:00+01:00"]
+    np.testing.assert_array_equal(times(write, ode, column("time", cells)), [0, 1800, 3600])
+
+
+REFUSED = {
+    "a day or a month": (
+        ["03/04/2024 00:00", "04/05/2024 00:00", "05/06/2024 00:00"],
+        "is the day or the month first?",
+    ),
+    "not a date": (["2024-05-17 12:30", "noon"], "r.csv:3, column 'time': 'noon' is not a date"),
+    "another form": (["17.05.2024", "2024-05-18"], "'2024-05-18' is not a date like the first"),
+    "no such day": (["30.02.2024", "01.03.2024"], "'30.02.2024' is not a date"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_other_dates_are_refused(write: Write, ode: Any, case: str) -> None:
+    cells, message = REFUSED[case]
+    with pytest.raises(InputError) as caught:
+        times(write, ode, column("time", cells))
+    assert message in str(caught.value)
+
+
+def test_dates_need_a_unit_of_time(write: Write, ode: Any) -> None:
+    system = replace(ode, units={"t": "fortnight"})
+    with pytest.raises(InputError, match="the unit of time is 'fortnight'"):
+        times(write, system, column("time", stamps("%Y-%m-%d %H:%M")))
+
+
+def test_an_empty_cell_is_reported_at_its_column(write: Write, ode: Any) -> None:
+    cells = stamps("%Y-%m-%d %H:%M")
+    cells[7] = ""
+    with pytest.raises(InputError, match=r"r.csv:9, column 'Timestamp': the time is missing"):
+        read_recording(write("r.csv", column("Timestamp", cells)), None, ode)
+
+
+def test_a_data_frame_with_dates(ode: Any) -> None:
+    clock = pd.date_range("2024-05-31 22:00", periods=24, freq="15min")
+    frame = pd.DataFrame({"time": clock, "u": np.arange(24.0)})
+    recording = read_in_memory(frame, None, ode).single("recording")
+    np.testing.assert_allclose(recording.times, QUARTERS)
+    assert recording.units == {"t": "s"}
