@@ -23,6 +23,7 @@ from dashred.config.commandline import (
 )
 from dashred.config.frozen import config_sha256, frozen_input
 from dashred.config.layers import merge, prepare, where_in
+from dashred.config.removals import remove_entries
 from dashred.config.python_class import check_trust, split_trust, trace_class
 from dashred.config.schema.recording import Recording, SensorSplit, Splits, TimeSplit
 from dashred.config.schema.settings import (
@@ -127,6 +128,7 @@ def build_config(
     Raises:
         InputError: anything wrong in the values. That there is no recording is not checked.
     """
+    written, overrides = remove_entries(written, overrides)
     defaults = prepare(read_file(BASE, label="conf/base.yaml"), folder=results_root())
     system = prepare(written, folder=source.parent if source else Path.cwd())
     check_private_keys(system)

@@ -111,6 +111,18 @@ def test_a_later_word_wins(write: Any) -> None:
     assert write("seed=1", "seed=2").seed == 2
 
 
+def test_an_entry_is_removed_on_the_command_line(write: Any) -> None:
+    removed = [f"system.{key}=~" for key in ("parameters.nu", "let.drag", "spread.v")]
+    config = write(*removed, "system.equations.v=c**2*d(u, x, 2)")
+    assert config.system.parameters == {"c": 1.0}
+    assert config.system.let == {}
+    assert "v" not in config.system.spread
+    with pytest.raises(InputError, match=r"system.parameters has no mu to remove.*\n.*nu"):
+        write("system.parameters.mu=~")
+    with pytest.raises(InputError, match="nu"):
+        write("system.parameters.nu=~")
+
+
 @pytest.mark.parametrize("words", [["recording.twin=null"], ["recording.twin="]])
 def test_the_null_twin_is_a_name(write: Any, words: list[str]) -> None:
     assert write(*words).recording.twin == "null"

@@ -1,0 +1,51 @@
+"""Removal of entries of a system's file on the command line: ``system.inputs.e=~``."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from dashred.config.source import Source
+from dashred.core.errors import InputError, nearest
+
+REMOVED = ("~", None)
+# Sections whose names the system's file defines.
+SECTIONS = ("fields", "parameters", "let", "equations", "start", "spread", "inputs", "units")
+
+
+def remove_entries(written: Source, overrides: Source) -> tuple[Source, Source]:
+    """Return a system without the entries that the overrides remove, and the other overrides.
+
+    Args:
+        written: the system.
+        overrides: with ``~`` or null for an entry to remove.
+
+    Raises:
+        InputError: the system does not have such an entry.
+    """
+    entries, others = _section(written.values, "system"), _section(overrides.values, "system")
+    for section in SECTIONS:
+        values, known = _section(others, section), _section(entries, section)
+        removed = [name for name, value in values.items() if value in REMOVED]
+        for name in removed:
+            if name not in known:
+                what, hint = f"system.{section} has no {name} to remove", nearest(name, known)
+                raise InputError(what, where=overrides.lines[""], hint=hint)
+        if removed:
+            entries[section] = _without(known, removed)
+            others[section] = _without(values, removed)
+    return _with_system(written, entries), _with_system(overrides, others)
+
+
+def _section(values: dict[str, Any], name: str) -> dict[str, Any]:
+    """Return a copy of a section, empty if there is none; other values are checked later."""
+    found = values.get(name)
+    return dict(found) if isinstance(found, dict) else {}
+
+
+def _without(entries: dict[str, Any], removed: list[str]) -> dict[str, Any]:
+    return {name: value for name, value in entries.items() if name not in removed}
+
+
+def _with_system(source: Source, system: dict[str, Any]) -> Source:
+    return replace(source, values=source.values | {"system": system}) if system else source
