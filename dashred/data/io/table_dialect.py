@@ -49,7 +49,7 @@ def find_header(file: TextIO) -> TableText:
         if line.strip() and not line.startswith(COMMENT):
             break
         skipped += 1
-        comment = line.lstrip(COMMENT).strip() if line.startswith(COMMENT) else comment
+        comment = line.lstrip(COMMENT).strip()
     else:
         return TableText(iter(()), COMMA, skipped)
     separator = _separator(line)
