@@ -14,7 +14,13 @@ from dashred.physics.expressions.algebra import Expr, Number
 from dashred.physics.expressions.functions import FUNCTIONS
 
 OPERATORS = {"add": "+", "sub": "-", "mul": "*", "truediv": "/", "div": "/", "pow": "**"}
-ALIASES = {"multiply": "mul", "subtract": "sub", "absolute": "abs", "divide": "div"}
+ALIASES = {
+    "multiply": "mul",
+    "subtract": "sub",
+    "absolute": "abs",
+    "divide": "div",
+    "arctan": "atan",
+}
 
 
 class NotTraceableError(Exception):
