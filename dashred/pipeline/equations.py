@@ -248,15 +248,15 @@ def analyse_equations(config: Config) -> Path:
             verify.freeze_findings(output, findings, [])
             figures = report.report_unresolved(findings, output)
         else:
+            findings = verify.verify(problem, analysis)
+            verify.write_findings(problem, analysis, findings, output)
+            figures = report.report(problem, analysis, findings, output, seconds)
             # Not in the list of what was left out: it changes nothing in the findings.
             if config.tracking.model and problem.budget.left > LOGGING_SECONDS:
                 network = analysis.corrected_network
                 checkpoints.stage(
                     "model", lambda: surrogate.log_model(problem, network, run, seconds)
                 )
-            findings = verify.verify(problem, analysis)
-            verify.write_findings(problem, analysis, findings, output)
-            figures = report.report(problem, analysis, findings, output, seconds)
 
         seconds["in all"] = time.perf_counter() - clock + checkpoints.earlier
         log_result(run, config, findings, output)
