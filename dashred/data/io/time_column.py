@@ -136,11 +136,15 @@ def _seconds(
 
 
 def _parsed(cells: Sequence[str], form: str) -> NDArray[np.float64]:
-    """Return dates of a format in seconds; NaN where a cell is not one."""
+    """Return dates of a format in seconds since the first one; NaN where a cell is not one."""
     import pandas as pd
 
     found = pd.to_datetime(pd.Series(cells, dtype=object), format=form, utc=True, errors="coerce")
-    elapsed = (found - pd.Timestamp(0, tz="UTC")).dt.total_seconds()
+    first = found.first_valid_index()
+    if first is None:
+        return np.full(len(cells), np.nan)
+    # Seconds since 1970 would lose all digits beyond the microsecond.
+    elapsed = (found - found[first]).dt.total_seconds()
     return np.asarray(elapsed.to_numpy(dtype=np.float64))
 
 

@@ -54,6 +54,17 @@ def test_dates_are_seconds_since_the_first_row(write: Write, ode: Any, form: str
     np.testing.assert_allclose(found, QUARTERS)
 
 
+def test_dates_have_the_digits_of_their_fractions(write: Write, ode: Any) -> None:
+    cells = [f"2024-05-31 23:59:59.{k}0007" for k in range(10)]
+    found = times(write, ode, column("time", cells))
+    np.testing.assert_allclose(found, 0.1 * np.arange(10), rtol=0, atol=1e-12)
+
+
+def test_the_order_of_day_and_month_need_not_be_known_within_a_day(write: Write, ode: Any) -> None:
+    cells = [f"03/04/2024 1{k}:00" for k in range(4)]
+    np.testing.assert_array_equal(times(write, ode, column("t", cells)), 3600.0 * np.arange(4))
+
+
 def test_date_and_time_in_two_columns_are_joined(write: Write, ode: Any) -> None:
     rows = [stamp.replace(" ", ";") for stamp in stamps("%d.%m.%Y %H:%M:%S")]
     found = times(write, ode, column("Date;Time", rows))
