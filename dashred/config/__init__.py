@@ -23,8 +23,8 @@ from dashred.config.commandline import (
 )
 from dashred.config.frozen import config_sha256, frozen_input
 from dashred.config.layers import merge, prepare, where_in
-from dashred.config.removals import remove_entries
 from dashred.config.python_class import check_trust, split_trust, trace_class
+from dashred.config.removals import remove_entries
 from dashred.config.schema.recording import Recording, SensorSplit, Splits, TimeSplit
 from dashred.config.schema.settings import (
     Assimilation,

@@ -46,7 +46,10 @@ POINTWISE: dict[str, tuple[Rule, str]] = {
     "arithmetic": (lambda u, t, p, s: -p["a"] * u + u**3 / p["b"] - 1, "-a*u + u**3/b - 1"),
     "right hand": (lambda u, t, p, s: 1 / (2 - 3 * u) + 2**u, "1/(2 - 3*u) + 2**u"),
     "functions": (lambda u, t, p, s: torch.sin(u) + u.tanh() + abs(u), "sin(u) + tanh(u) + abs(u)"),
-    "special": (lambda u, t, p, s: torch.erf(u) + u.cosh() + u.arctan(), "atan(u) + cosh(u) + erf(u)"),
+    "special": (
+        lambda u, t, p, s: torch.erf(u) + u.cosh() + u.arctan(),
+        "atan(u) + cosh(u) + erf(u)",
+    ),
     "time": (lambda u, t, p, s: torch.cos(p["b"] * t) * u, "cos(b*t)*u"),
     "constants": (lambda u, t, p, s: torch.tensor(2.0) * u - np.float64(0.5), "2*u - 0.5"),
     "in torch": (lambda u, t, p, s: torch.mul(u, torch.square(u)).neg(), "-u**3"),
