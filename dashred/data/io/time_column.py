@@ -16,9 +16,8 @@ from dashred.data.io.stated_units import StatedUnits
 
 # Names of the column, in any capitalisation; ``time`` itself comes first.
 NAMES = ("time", "t", "times", "timestamp", "datetime", "date")
-DATE_NAME, TIME_NAME = "date", "time"
 SECONDS = {
-    **dict.fromkeys(("ms",), 1e-3),
+    "ms": 1e-3,
     **dict.fromkeys(("s", "sec", "second", "seconds"), 1.0),
     **dict.fromkeys(("min", "minute", "minutes"), 60.0),
     **dict.fromkeys(("h", "hr", "hour", "hours"), 3600.0),
@@ -61,7 +60,7 @@ def find_time_column(table: Columns) -> TimeColumn:
         InputError: there is no such column, or several.
     """
     found = {name: [c for c in table.columns if c.lower() == name] for name in NAMES}
-    times, dates = found[TIME_NAME], found[DATE_NAME]
+    times, dates = found["time"], found["date"]
     if len(times) == len(dates) == 1 and _has_clock(table, times[0]):
         return TimeColumn((dates[0], times[0]))
     if "time" in table.columns:
@@ -108,7 +107,8 @@ def _joined(table: Columns, column: TimeColumn) -> list[str]:
 
 
 def _has_clock(table: Columns, column: str) -> bool:
-    return any(CLOCK.match(cell) for cell in table.texts(column)[:1])
+    cells = table.texts(column)
+    return bool(cells) and CLOCK.match(cells[0]) is not None
 
 
 def _seconds(
@@ -132,7 +132,7 @@ def _seconds(
     if any(not np.array_equal(found, forward[0], equal_nan=True) for found in forward[1:]):
         problem = f"in dates such as {first!r}, is the day or the month first?"
         raise InputError(problem, where=table.header_location(column.last), hint=WRITE)
-    return forward[0] - forward[0][~empty][0]
+    return forward[0]
 
 
 def _parsed(cells: Sequence[str], form: str) -> NDArray[np.float64]:
@@ -150,16 +150,11 @@ def _parsed(cells: Sequence[str], form: str) -> NDArray[np.float64]:
 
 def _with_hyphens(cell: str) -> str:
     """Write ``2024/5/17 12:30`` as ``2024-05-17 12:30``."""
-    date, mark, rest = cell.partition("T" if "T" in cell else " ")
-    parts = re.split(r"[-/.]", date)
-    hour, colon, minutes = rest.strip().replace(",", ".").partition(":")
-    return (
-        "-".join(part.zfill(2) for part in parts)
-        + mark
-        + hour.zfill(2 * bool(colon))
-        + colon
-        + minutes
-    )
+    date, mark, clock = cell.partition("T" if "T" in cell else " ")
+    date = "-".join(part.zfill(2) for part in re.split(r"[-/.]", date))
+    clock = clock.strip().replace(",", ".")
+    # An hour of one digit: 9:30.
+    return f"{date}{mark}{'0' if clock[1:2] == ':' else ''}{clock}"
 
 
 def _local_formats(first: str) -> list[str]:
@@ -180,7 +175,10 @@ def _local_formats(first: str) -> list[str]:
 
 
 def _since_midnight(cells: Sequence[str]) -> NDArray[np.float64]:
-    """Return times of day in seconds; a step back by more than half a day is midnight."""
+    """Return times of day in seconds since the first one; NaN where a cell is not one.
+
+    A step back by more than half a day is midnight.
+    """
     seconds = np.full(len(cells), np.nan)
     days, previous = 0, -np.inf
     for row, cell in enumerate(cells):
@@ -190,4 +188,4 @@ def _since_midnight(cells: Sequence[str]) -> NDArray[np.float64]:
         found = 3600 * int(hours) + 60 * int(minutes) + (float(rest[0]) if rest else 0.0)
         days += previous - found > DAY / 2
         seconds[row], previous = found + DAY * days, found
-    return seconds
+    return seconds - seconds[np.isfinite(seconds)][0]
