@@ -101,18 +101,33 @@ def _simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
         return SimulationRuns(problem, nominal, resolution, None)
     problem = with_longer_step(problem, nominal)
     problem, segments = search_in_segments(problem, nominal, seconds)
+    ensemble = _training_ensemble(problem, nominal, segments, seconds)
+    return SimulationRuns(problem, nominal, resolution, ensemble, segments)
+
+
+def _training_ensemble(
+    problem: Problem,
+    nominal: NominalRun,
+    segments: SegmentSearch | None,
+    seconds: dict[str, float],
+) -> Ensemble:
+    """Return the runs on which SHRED is trained.
+
+    If there are too few of the simulator, in time and within bounds, the corrected simulator is
+    run instead where its law is known already.
+    """
     try:
-        ensemble = simulate_ensemble(problem, nominal, seconds)
-    except InputError:
+        return simulate_ensemble(problem, nominal, seconds)
+    except (InputError, OutOfTimeError) as error:
         if segments is not None:
+            if isinstance(error, OutOfTimeError):
+                problem.budget.leave_out("training SHRED on the simulator without the law")
             law = law_from_segments(segments, segments.best)
             states = states_by_sample(segments, segments.best)
-            ensemble = simulate_corrected_ensemble(problem, law, states, seconds)
-        elif nominal.restarted:
-            ensemble = simulate_nudged_ensemble(problem, nominal, seconds)
-        else:
-            raise
-    return SimulationRuns(problem, nominal, resolution, ensemble, segments)
+            return simulate_corrected_ensemble(problem, law, states, seconds)
+        if nominal.restarted and isinstance(error, InputError):
+            return simulate_nudged_ensemble(problem, nominal, seconds)
+        raise
 
 
 def discover(

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dashred.core.budget import OutOfTimeError
 from dashred.core.errors import InputError
 from dashred.physics.library import evaluate_terms, resolve
 from dashred.physics.solvers.forcing import Forcing
@@ -19,6 +20,8 @@ from dashred.physics.system import System, Term
 MAX_ROUNDS = 20
 # Give up if, after this many rounds, less than this share of the members has been found.
 EARLY_ROUNDS, MIN_EARLY_SHARE = 3, 0.1
+# After the last round, or when the time is up, this share of the members is enough.
+ENOUGH_SHARE = 0.5
 
 
 class StartDistribution(Protocol):
@@ -96,7 +99,8 @@ def draw_ensemble(
     """Simulate random members that stay bounded.
 
     A member that blows up, or leaves the range of the nominal simulation by more than the width
-    of the range, is drawn again: a single diverging member would dominate every scale.
+    of the range, is drawn again: a single diverging member would dominate every scale. If members
+    are still missing after the last round, or when the time is up, half of them are enough.
 
     Args:
         system: the simulator.
@@ -109,26 +113,44 @@ def draw_ensemble(
         progress: called with the fraction done of each round of simulations.
 
     Raises:
-        InputError: almost no member stays bounded.
+        InputError: too few members stay bounded.
+        OutOfTimeError: raised by ``progress`` before there were enough members.
     """
     states: list[Tensor] = []
     coefficients: list[Tensor] = []
+    count, rounds_left = 0, 1.0
     for turn in range(MAX_ROUNDS):
-        missing = members - sum(map(len, states))
-        if turn == EARLY_ROUNDS and members - missing < MIN_EARLY_SHARE * members:
+        if turn == EARLY_ROUNDS and count < MIN_EARLY_SHARE * members:
             break
-        drawn = draw_round(system, times, prior, nominal, missing, discrepancies, rng, progress)
-        found, carried, inside = drawn
+        try:
+            found, carried, inside = draw_round(
+                system,
+                times,
+                prior,
+                nominal,
+                members - count,
+                discrepancies,
+                rng,
+                progress,
+                rounds_left,
+            )
+        except OutOfTimeError:
+            if count < ENOUGH_SHARE * members:
+                raise
+            break
         states.append(found[inside])
         coefficients.append(carried[inside])
-        if sum(map(len, states)) == members:
-            return Ensemble(times, torch.cat(states), torch.cat(coefficients))
-    raise InputError(
-        f"after {len(states)} rounds only {sum(map(len, states))} of {members} simulations "
-        "stay within bounds",
-        where=system.where("system.spread"),
-        hint="make system.spread or simulation.amplitude smaller",
-    )
+        count += len(states[-1])
+        rounds_left = len(inside) / max(1, len(states[-1]))
+        if count == members:
+            break
+    if count < ENOUGH_SHARE * members:
+        raise InputError(
+            f"after {len(states)} rounds only {count} of {members} simulations stay within bounds",
+            where=system.where("system.spread"),
+            hint="make system.spread or simulation.amplitude smaller",
+        )
+    return Ensemble(times, torch.cat(states), torch.cat(coefficients))
 
 
 def draw_round(
@@ -140,8 +162,11 @@ def draw_round(
     discrepancies: Discrepancies | None,
     rng: np.random.Generator,
     progress: Progress | None = None,
+    rounds_left: float = 1.0,
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Simulate random members once, bounded or not; arguments as in :func:`draw_ensemble`.
+
+    Many rounds are worth a compilation; ``rounds_left`` is their expected number.
 
     Returns:
         States ``(member, time, field, *grid)``, coefficients ``(member, term)``, and whether each
@@ -150,7 +175,7 @@ def draw_round(
     low, high = _bounds(nominal)
     starts = prior.draw(members, rng)
     forcing = _draw_forcing(system, nominal, discrepancies, members, rng, times)
-    found = simulate(system, starts, times, forcing, progress)
+    found = simulate(system, starts, times, forcing, progress, repeats=rounds_left)
     inside = (torch.isfinite(found) & (found >= low) & (found <= high)).flatten(1).all(dim=1)
     return found, forcing.coefficients, inside
 

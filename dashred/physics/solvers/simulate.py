@@ -35,6 +35,7 @@ def simulate(
     forcing: Forcing | None = None,
     progress: Progress | None = None,
     sampled_forcing: SampledForcing | None = None,
+    repeats: float = 1.0,
 ) -> Tensor:
     """Integrate ``∂u/∂t = N(u, t) + Σ ξ θ(u) + f(x, t)`` from ``times[0]`` on.
 
@@ -45,13 +46,14 @@ def simulate(
         forcing: additional terms θ with coefficients ξ for each trajectory.
         progress: called with the fraction done after each output time.
         sampled_forcing: free forcing f of each trajectory.
+        repeats: how often such a simulation is expected to run; compiled code is kept.
 
     Returns:
         ``(batch, time, field, *grid)``. After a blow-up, the values of a trajectory are not finite.
         A trajectory does not depend on the others in its batch, up to rounding errors. Adaptive
         methods (ODEs) choose their steps for the whole batch, so there it does up to the tolerance.
     """
-    if sampled_forcing is None and _should_compile(system, start, times, forcing):
+    if sampled_forcing is None and _should_compile(system, start, times, forcing, repeats):
         from dashred.physics.solvers.compiled_etdrk4 import integrate_etdrk4
         from dashred.physics.solvers.compiled_runge_kutta import integrate_runge_kutta
 
@@ -75,10 +77,12 @@ def simulate(
     return torch.stack(saved, dim=1)
 
 
-def _should_compile(system: System, start: Tensor, times: Tensor, forcing: Forcing | None) -> bool:
+def _should_compile(
+    system: System, start: Tensor, times: Tensor, forcing: Forcing | None, repeats: float
+) -> bool:
     if forcing is not None and forcing.coefficients.requires_grad:
         return False
-    span = float(times[-1] - times[0])
+    span = repeats * float(times[-1] - times[0])
     terms = 0 if forcing is None else len(forcing.terms)
     return is_compilation_worthwhile(system, start, span, terms)
 

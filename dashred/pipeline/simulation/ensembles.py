@@ -49,7 +49,9 @@ def simulate_ensemble(problem: Problem, nominal: NominalRun, seconds: dict[str, 
         ]
         ensemble = join_ensembles(drawn)
         kind = "with random discrepancies" if settings.discrepancy else "plain"
-        report(1.0, f"{settings.members} members, {kind}")
+        found = len(ensemble.states)
+        lost = "" if found == settings.members else f" of {settings.members}; the others diverge"
+        report(1.0, f"{found} members, {kind}{lost}")
     return ensemble
 
 

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 import torch
 
+from dashred.core.budget import OutOfTimeError
 from dashred.core.errors import InputError
 from dashred.physics.library import build_library, evaluate_terms, resolve
+from dashred.physics.runs import ensemble
 from dashred.physics.runs.ensemble import Discrepancies, draw_ensemble, term_scales
 from dashred.physics.runs.initial_state_prior import StartPrior, nominal_start
 from dashred.physics.solvers.forcing import Forcing
@@ -42,31 +44,29 @@ def test_the_same_seed_gives_the_same_ensemble(request, name):
 
 def test_members_carry_the_terms_that_they_name(reaction):
     # Not one of those that antidiffusion lets grow: rounding grows with them.
-    ensemble = draw(reaction, 1, terms=3, amplitude=0.2)
-    assert ensemble.states.shape == (12, 6, 2, 32)
-    assert ((ensemble.coefficients != 0).sum(1) == 3).all()
+    members = draw(reaction, 1, terms=3, amplitude=0.2)
+    assert members.states.shape == (12, 6, 2, 32)
+    assert ((members.coefficients != 0).sum(1) == 3).all()
     library = resolve(reaction, build_library(reaction, None))
-    again = simulate(
-        reaction, ensemble.states[:, 0], TIMES, Forcing(library, ensemble.coefficients)
-    )
-    torch.testing.assert_close(again, ensemble.states, rtol=1e-9, atol=1e-9)
-    plain = simulate(reaction, ensemble.states[:, 0], TIMES)
-    assert not torch.allclose(plain, ensemble.states, atol=1e-3)
+    again = simulate(reaction, members.states[:, 0], TIMES, Forcing(library, members.coefficients))
+    torch.testing.assert_close(again, members.states, rtol=1e-9, atol=1e-9)
+    plain = simulate(reaction, members.states[:, 0], TIMES)
+    assert not torch.allclose(plain, members.states, atol=1e-3)
 
 
 def test_a_plain_ensemble_has_no_terms(reaction):
-    ensemble = draw(reaction, 0)
-    assert ensemble.coefficients.shape == (12, 0)
-    assert len(torch.unique(ensemble.states[:, 0], dim=0)) == 12
+    members = draw(reaction, 0)
+    assert members.coefficients.shape == (12, 0)
+    assert len(torch.unique(members.states[:, 0], dim=0)) == 12
 
 
 def test_members_stay_within_the_nominal_range_and_its_width(reaction):
     nominal, _ = setting(reaction)
-    ensemble = draw(reaction, 0, members=30, terms=3, amplitude=2.0)
+    members = draw(reaction, 0, members=30, terms=3, amplitude=2.0)
     low, high = nominal.amin((0, 2)), nominal.amax((0, 2))
     width = high - low
-    assert (ensemble.states.amin((0, 1, 3)) >= low - width).all()
-    assert (ensemble.states.amax((0, 1, 3)) <= high + width).all()
+    assert (members.states.amin((0, 1, 3)) >= low - width).all()
+    assert (members.states.amax((0, 1, 3)) <= high + width).all()
 
 
 def test_a_hopeless_ensemble_is_refused(reaction):
@@ -74,6 +74,54 @@ def test_a_hopeless_ensemble_is_refused(reaction):
         InputError, match=r"after 3 rounds only \d of 2 simulations stay within bounds"
     ):
         draw(reaction, 0, members=2, terms=10, amplitude=1e6)
+
+
+# The nominal run goes from 1 to 1/e, so a start beyond -0.3 or 1.6 is drawn again.
+LOSING = """
+    fields: {u: place}
+    parameters: {}
+    equations: {u: -u}
+    start: {u: 1}
+    spread: {u: 0.6}
+    integrator: {dt: 0.1, method: rk4}
+"""
+
+
+def test_when_the_time_is_up_half_of_the_members_are_enough(make_system):
+    system = make_system(LOSING)
+    nominal, prior = setting(system)
+
+    def drawn(rounds):
+        begun = []
+
+        def progress(done):
+            begun.extend([done] * (done == 0))
+            if len(begun) > rounds:
+                raise OutOfTimeError
+
+        rng = np.random.default_rng(5)
+        return draw_ensemble(system, TIMES, prior, nominal, 64, None, rng, progress)
+
+    whole, cut = drawn(20), drawn(1)
+    assert len(whole.states) == 64 > len(cut.states) >= 32
+    torch.testing.assert_close(cut.states, whole.states[: len(cut.states)])
+    with pytest.raises(OutOfTimeError):
+        drawn(0)
+
+
+def test_members_that_are_lost_are_replaced_by_compiled_runs(make_system, monkeypatch):
+    system = make_system(LOSING)
+    nominal, prior = setting(system)
+    repeats = []
+
+    def spy(*args, **options):
+        repeats.append(options["repeats"])
+        return simulate(*args, **options)
+
+    monkeypatch.setattr(ensemble, "simulate", spy)
+    rng = np.random.default_rng(5)
+    draw_ensemble(system, TIMES, prior, nominal, 64, None, rng)
+    assert repeats[0] == 1 and all(count > 1 for count in repeats[1:]) and len(repeats) > 1
 
 
 def test_more_terms_than_the_library_holds_are_refused(oscillator):
@@ -116,8 +164,8 @@ def test_drawn_coefficients_have_the_stated_amplitude(make_system):
     """)
     nominal, _ = setting(oscillator)
     library = build_library(oscillator, None)
-    ensemble = draw(oscillator, 0, members=200, terms=5, amplitude=0.1)
+    members = draw(oscillator, 0, members=200, terms=5, amplitude=0.1)
     scales = term_scales(oscillator, library, nominal, 0.0)
-    sizes = (ensemble.coefficients / scales)[ensemble.coefficients != 0]
+    sizes = (members.coefficients / scales)[members.coefficients != 0]
     assert len(sizes) == 1000
     assert float(sizes.std()) == pytest.approx(0.1, rel=0.08)

@@ -10,6 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from dashred.config import load_config
+from dashred.core.budget import OutOfTimeError
+from dashred.pipeline import equations
 from dashred.pipeline.problem import build_problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 from dashred.pipeline.simulation.resolution_check import check_discretisation
@@ -74,6 +76,20 @@ def test_the_term_that_keeps_it_bounded_is_found(circuit: Path, train) -> None:
     errors = findings["fit"]["heldout_time"]
     assert errors["simulation_refit"] is None and errors["corrected"] < 0.2
     assert "the run without the law diverges" in ended.out
+
+
+def test_without_time_for_the_ensemble_a_law_is_kept(
+    circuit: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_time(*_: object) -> None:
+        raise OutOfTimeError
+
+    monkeypatch.setattr(equations, "simulate_ensemble", no_time)
+    problem = build_problem(load_config([f"conf={circuit}"], entry="test"))
+    runs = equations.simulate(problem, {})
+    assert runs.segments is not None and runs.ensemble is not None
+    assert len(runs.ensemble.states) == 24
+    assert "training SHRED on the simulator without the law" in runs.problem.budget.not_tried
 
 
 def test_a_field_without_a_sensor_has_no_range_to_leave(tmp_path: Path) -> None:
