@@ -42,7 +42,7 @@ def prepare(source: Source, *, folder: Path) -> Source:
         InputError: an unknown key, a value of the wrong shape, or an invalid number.
     """
     where = where_in(source.lines)
-    values = _coerce(_restore_null_twin(source.values), Settings, "", where)
+    values = _coerce(_written_out(source.values), Settings, "", where)
     for key in PATHS:
         settled = store_root if key == "tracking.root" else absolute_path
         _edit(values, key, partial(settled, folder=folder, where=where(key)))
@@ -196,11 +196,14 @@ def evaluate(text: str, key: str, where: Where) -> float:
         raise InputError(what, where=error.where, hint=error.hint) from None
 
 
-def _restore_null_twin(values: dict[str, Any]) -> dict[str, Any]:
-    """Restore the name of the twin called null, which YAML reads as None."""
-    recording = values.get("recording")
+def _written_out(values: dict[str, Any]) -> dict[str, Any]:
+    """Write out short forms: the twin called null, which YAML reads as None, and inputs."""
+    recording, system = values.get("recording"), values.get("system")
     if isinstance(recording, dict) and "twin" in recording and recording["twin"] is None:
-        return values | {"recording": recording | {"twin": "null"}}
+        values = values | {"recording": recording | {"twin": "null"}}
+    if isinstance(system, dict) and isinstance(inputs := system.get("inputs"), dict):
+        sections = {n: {"column": i} if isinstance(i, str) else i for n, i in inputs.items()}
+        values = values | {"system": system | {"inputs": sections}}
     return values
 
 

@@ -15,6 +15,8 @@ from dashred.data.sensors import Sensor
 MIN_SAMPLES = 20
 # Beside an episode of that length, others may be shorter: they share the law with it.
 MIN_EPISODE_SAMPLES = 6
+# A step between samples of an interpolated input that is this many times the median is a gap.
+MAX_INPUT_GAP = 5.0
 # Larger numbers are sentinels of a missing value or damage, and their squares overflow.
 MAX_ABS_VALUE = 1e100
 
@@ -85,6 +87,25 @@ def check_input(
     size = "infinite" if np.isinf(found) else f"beyond {MAX_ABS_VALUE:g}"
     problem = f"the input {name} is {size} here"
     raise InputError(problem, where=where, hint="correct the value, or remove the row")
+
+
+def check_gaps(times: NDArray[np.float64], where: str) -> None:
+    """Check that an input that is interpolated has no long gap.
+
+    Args:
+        times: of the samples that are known, increasing, ``(sample,)``.
+        where: location for error messages.
+
+    Raises:
+        InputError: a step between samples is much longer than most are.
+    """
+    steps = np.diff(times)
+    if not len(steps) or steps.max() <= MAX_INPUT_GAP * np.median(steps):
+        return
+    first = int(steps.argmax())
+    problem = f"the input has no value between {times[first]:.6g} and {times[first + 1]:.6g}"
+    hint = "fill the gap, or remove these rows; if its values hold until they change, set hold: "
+    raise InputError(problem, where=where, hint=f"{hint}true for this input")
 
 
 def check_covered(times: NDArray[np.float64], input_times: NDArray[np.float64], where: str) -> None:

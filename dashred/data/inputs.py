@@ -8,6 +8,7 @@ from torch import Tensor
 
 from dashred.config import Config
 from dashred.core.errors import InputError
+from dashred.data.input_action import act
 from dashred.physics.backends.input_signals import NO_INPUTS, InputSignals
 from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions.algebra import names
@@ -54,6 +55,26 @@ def drive_signals(system: System, config: Config, times: Tensor) -> InputSignals
 
 
 def with_inputs(system: System, inputs: InputSignals) -> System:
-    """Return the system driven by measured inputs, given by column of the recording."""
-    values = {name: inputs.values[column] for name, column in system.inputs.items()}
-    return System(system.config, system.where, InputSignals(inputs.times, values))
+    """Return the system driven by measured inputs, given by column of the recording.
+
+    Raises:
+        InputError: the delay of an input is longer than the recording.
+    """
+    declared = system.config.inputs
+    span = float(inputs.times[-1] - inputs.times[0])
+    for name, own in declared.items():
+        if own.delay and own.delay >= span:
+            raise InputError(
+                f"the input {name} acts after {own.delay:g}, but its samples span {span:g}",
+                where=system.where(f"system.inputs.{name}.delay"),
+                hint="give a delay that is shorter, in the unit of time of the system",
+            )
+    curves = {
+        name: act(inputs.times, inputs.values[column], declared[name].hold, declared[name].delay)
+        for name, column in system.inputs.items()
+    }
+    times = inputs.times
+    if any(curve_times is not times for curve_times, _ in curves.values()):
+        times = np.unique(np.concatenate([own for own, _ in curves.values()]))
+    values = {name: np.interp(times, *curve) for name, curve in curves.items()}
+    return System(system.config, system.where, InputSignals(times, values))

@@ -59,6 +59,10 @@ class SystemDescription(Protocol):
         """Column of each measured input in the recording, by its name in the equations."""
 
     @property
+    def held_inputs(self) -> Collection[str]:
+        """Columns of the inputs whose samples hold until the next one."""
+
+    @property
     def units(self) -> Mapping[str, str]:
         """Units by name in the equations, where stated; the unit of time is under ``t``."""
 

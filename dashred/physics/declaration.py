@@ -72,7 +72,12 @@ class Declaration:
     @property
     def inputs(self) -> dict[str, str]:
         """Column of each measured input in the recording, by its name in the equations."""
-        return self.config.inputs
+        return {name: given.column or name for name, given in self.config.inputs.items()}
+
+    @property
+    def held_inputs(self) -> frozenset[str]:
+        """Columns of the inputs whose samples hold until the next one."""
+        return frozenset(self.inputs[name] for name, i in self.config.inputs.items() if i.hold)
 
     @property
     def units(self) -> dict[str, str]:
@@ -126,7 +131,8 @@ class Declaration:
                 where=self.where("system.integrator.method"),
                 hint=f"choose from: {', '.join(allowed)}",
             )
-        return method, allowed[method]
+        tableau = allowed[method]
+        return method, tableau.with_stages_inside() if tableau and self.held_inputs else tableau
 
     def _check_energy(self) -> None:
         text, key = self.config.energy, "system.energy"

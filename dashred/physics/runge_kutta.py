@@ -7,13 +7,17 @@ does not import torch, because the configuration looks up methods before torch i
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from torch import Tensor
 
 State = TypeVar("State", float, "Tensor")
+
+
+# Distance of the first and the last stage from the ends of a step, as a share of the step.
+INSIDE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,13 @@ class Tableau:
     b: tuple[float, ...]
     c: tuple[float, ...]
     order: int
+
+    def with_stages_inside(self) -> Tableau:
+        """Return the method with no stage exactly at an end of the step.
+
+        An input that jumps there then has its value of this side of the jump.
+        """
+        return replace(self, c=tuple(min(max(node, INSIDE), 1 - INSIDE) for node in self.c))
 
 
 EULER = Tableau(a=((),), b=(1.0,), c=(0.0,), order=1)

@@ -24,6 +24,21 @@ class Axis:
 
 
 @dataclass
+class Input:
+    """A measured input. A text in place of this section is the column."""
+
+    column: str | None = None
+    """Column of the recording; null takes the name of the input."""
+
+    hold: bool = False
+    """Whether each sample holds until the next one, as the output of a controller does; else the
+    input is a straight line between samples."""
+
+    delay: Annotated[NonNegative, Unit("the system's time")] = 0.0
+    """Time after which the input acts. Before the first sample acts, its value holds."""
+
+
+@dataclass
 class Integrator:
     """Integration in time and differentiation in space."""
 
@@ -127,8 +142,8 @@ class System:
     """Field with a front that moves around a periodic axis; the report shows its position and
     width."""
 
-    inputs: dict[str, str] = field(default_factory=dict)
-    """Measured inputs: name in the equations, and column in the recording."""
+    inputs: dict[str, Input] = field(default_factory=dict)
+    """Measured inputs, by name in the equations."""
 
     units: dict[str, str] = field(default_factory=dict)
     """Units of fields, axes, parameters, lets, inputs, and of time as t. Texts and figures show

@@ -24,6 +24,7 @@ class PlainSystem:
     fields: tuple[str, ...] = ("u", "v")
     lets: tuple[str, ...] = ("speed",)
     inputs: dict[str, str] = field(default_factory=dict)
+    held_inputs: tuple[str, ...] = ()
     units: dict[str, str] = field(default_factory=dict)
     where: Callable[[str], str] = "conf.yaml, {}".format
 

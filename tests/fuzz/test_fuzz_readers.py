@@ -34,12 +34,14 @@ class Swing:
     fields: tuple[str, ...] = ("u", "v")
     lets: tuple[str, ...] = ("speed",)
     inputs: dict[str, str] = field(default_factory=dict)
+    held_inputs: tuple[str, ...] = ()
     units: dict[str, str] = field(default_factory=dict)
     where: Callable[[str], str] = "a.yaml, {}".format
 
 
 RING = Swing((Axis("x", 2.0, 16),))
 DRIVEN = Swing(inputs={"f": "f"}, units={"u": "m", "f": "N"})
+HELD = Swing(inputs={"f": "f"}, held_inputs=("f",))
 SYSTEMS = st.sampled_from([Swing(), DRIVEN])
 NUMBERS = st.one_of(
     st.floats(width=32).map(repr),

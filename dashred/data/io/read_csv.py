@@ -9,8 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError, nearest
-from dashred.data.checks import check_input, checked_recording, fewest_samples
+from dashred.data.checks import (
+    check_covered,
+    check_gaps,
+    check_input,
+    checked_recording,
+    fewest_samples,
+)
 from dashred.data.episodes import Episode, EpisodeRows, Episodes, split_into_episodes
+from dashred.data.input_action import fill_gaps
 from dashred.data.io.columns import Columns
 from dashred.data.io.csv_table import read_table
 from dashred.data.io.sensor_columns import (
@@ -23,7 +30,7 @@ from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.io.time_column import find_time_column, read_times
 from dashred.data.sensors import RESERVED, Sensor, SystemDescription, observable_names
-from dashred.physics.backends.input_signals import InputSignals
+from dashred.physics.backends.input_signals import NO_INPUTS, InputSignals
 
 
 def read_csv(
@@ -101,7 +108,8 @@ def episodes_of_table(
             place=place,
             fewest=fewest,
         )
-        driven = InputSignals(times[rows], {name: found[rows] for name, found in inputs.items()})
+        own = {column: found[rows] for column, found in inputs.items()}
+        driven = _driven(times[rows], own, system, stretch.location(path))
         return Episode(stretch.name, replace(recording, inputs=driven, units=stated.units))
 
     return Episodes(tuple(map(episode, parts)), tuple(left_out))
@@ -119,15 +127,44 @@ def _state_units(
 
 
 def _inputs(table: Columns, system: SystemDescription) -> dict[str, NDArray[np.float64]]:
-    """Return the columns of the system's inputs, known in every row."""
+    """Return the columns of the system's inputs; NaN where a cell is empty."""
     found = {}
     for name, column in system.inputs.items():
         if column not in table.columns:
             problem = f"the recording has no column {column!r} for the input {name}"
             raise InputError(problem, where=table.path, hint=nearest(column, table.columns))
         found[column] = table.numbers(column)
-        check_input(name, column, found[column], table.location)
+        # An empty cell is filled later: inputs and sensors may have different clocks.
+        check_input(name, column, np.nan_to_num(found[column], posinf=np.inf), table.location)
     return found
+
+
+def _driven(
+    times: NDArray[np.float64],
+    columns: dict[str, NDArray[np.float64]],
+    system: SystemDescription,
+    path: str,
+) -> InputSignals:
+    """Return the inputs of one episode at the rows in which at least one has a value.
+
+    Raises:
+        InputError: an input has no value, or begins after the episode or ends before it.
+    """
+    if not columns:
+        return NO_INPUTS
+    rows = ~np.all([np.isnan(values) for values in columns.values()], axis=0)
+    filled = {}
+    for column, values in columns.items():
+        where, hold = f"{path}, column {column!r}", column in system.held_inputs
+        if np.isnan(values).all():
+            hint = "give a value in at least one row of each episode"
+            raise InputError("the input has no values", where=where, hint=hint)
+        if not hold:
+            check_gaps(times[~np.isnan(values)], where)
+        known = fill_gaps(times, values, hold)
+        check_covered(times, times[~np.isnan(known)], where)
+        filled[column] = known[rows]
+    return InputSignals(times[rows], filled)
 
 
 def _episode_rows(table: Columns) -> list[EpisodeRows]:

@@ -71,6 +71,11 @@ class GuessedSystem:
         return {}
 
     @property
+    def held_inputs(self) -> tuple[str, ...]:
+        """Empty, as the inputs."""
+        return ()
+
+    @property
     def units(self) -> dict[str, str]:
         """Empty, because there is no configuration yet."""
         return {}

@@ -52,9 +52,51 @@ def test_another_input_is_another_recording(driven, write):
 def test_an_input_without_its_column_or_with_a_gap_is_refused(driven, write):
     with pytest.raises(InputError, match="no column 'force' for the input e"):
         read_recording(write("r.csv", lines()), None, replace(driven, inputs={"e": "force"}))
-    with pytest.raises(InputError, match="input e is missing here") as refused:
-        read_recording(write("s.csv", lines("nan")), None, driven)
-    assert "s.csv:9" in str(refused.value)
+    few = "\n".join(f"{i},{i},{-i},{i if i < 9 or i > 20 else ''}" for i in range(30))
+    with pytest.raises(InputError, match="no value between 8 and 21") as refused:
+        read_recording(write("s.csv", f"time,u,v,power\n{few}\n"), None, driven)
+    assert "s.csv, column 'power'" in str(refused.value) and "hold: true" in str(refused.value)
+
+
+def test_inputs_and_sensors_have_their_own_rows(driven, write):
+    """A logger writes a row for each device: where one has a value, the others have none."""
+    rows = [f"{0.1 * i:.1f},{i},{-i}," for i in range(30)]
+    rows += [f"{0.1 * i - 0.05:.2f},,,{i}" for i in range(31)]
+    rows.sort(key=lambda row: float(row.split(",")[0]))
+    recording = read_recording(write("r.csv", "\n".join(["time,u,v,power", *rows])), None, driven)
+    assert len(recording.inputs.times) == 31 and len(recording.times) == 61
+    found = np.interp(0.1, recording.inputs.times, recording.inputs.values["power"])
+    assert found == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_two_inputs_with_different_rows_are_both_known_at_each(ode, write, held):
+    system = replace(
+        ode, inputs={"e": "power", "f": "force"}, held_inputs=("power",) if held else ()
+    )
+    rows = [f"{i},{i},{-i},{i if i % 2 == 0 else ''},{i}" for i in range(25)]
+    text = "\n".join(["time,u,v,power,force", *rows])
+    inputs = read_recording(write("r.csv", text), None, system).inputs
+    expected = [i - i % 2 if held else i for i in range(25)]
+    np.testing.assert_array_equal(inputs.values["power"], expected)
+    np.testing.assert_array_equal(inputs.values["force"], range(25))
+
+
+def test_an_input_that_begins_late_is_refused(driven, write):
+    rows = [f"{i},{i},{-i},{i if i else ''}" for i in range(25)]
+    with pytest.raises(InputError, match="the inputs cover 1 to 24"):
+        read_recording(write("r.csv", "\n".join(["time,u,v,power", *rows])), None, driven)
+    empty = [f"{i},{i},{-i}," for i in range(25)]
+    with pytest.raises(InputError, match="the input has no values"):
+        read_recording(write("s.csv", "\n".join(["time,u,v,power", *empty])), None, driven)
+
+
+def test_a_held_input_keeps_its_last_value(ode, write):
+    held = replace(ode, inputs={"e": "power"}, held_inputs=("power",))
+    rows = [f"{i},{i},{-i},{i if i in (0, 3, 20) else ''}" for i in range(25)]
+    recording = read_recording(write("r.csv", "\n".join(["time,u,v,power", *rows])), None, held)
+    np.testing.assert_array_equal(recording.inputs.values["power"], [0, 3, 20])
+    np.testing.assert_array_equal(recording.inputs.times, [0, 3, 20])
 
 
 @pytest.mark.parametrize(("cell", "says"), {"inf": "infinite", "1e300": "beyond 1e\\+100"}.items())

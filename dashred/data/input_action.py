@@ -1,0 +1,73 @@
+"""How a sampled input acts between samples and after a delay."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Half of the time of a jump, as a share of the shortest step between samples: shorter than the
+# distance of the stages of a Runge–Kutta step from its ends.
+JUMP = 1e-9
+
+
+def act(times: Array, values: Array, hold: bool, delay: float) -> tuple[Array, Array]:
+    """Return the knots of the piecewise linear curve by which an input acts.
+
+    A held input jumps at its samples: there the curve is a steep line with its middle at the
+    sample.
+
+    Args:
+        times: of the samples, increasing, ``(sample,)``.
+        values: ``(sample,)``.
+        hold: whether a sample holds until the next one.
+        delay: time after which a sample acts, at least 0.
+
+    Returns:
+        Times and values of the knots, over the time of the samples. Without hold and delay, the
+        arrays that were given.
+    """
+    if len(times) < 2 or not (hold or delay):
+        return times, values
+    knots, levels = _steps(times, values) if hold else (times, values)
+    if delay:
+        first, last = times[0], times[-1]
+        kept = knots + delay < last
+        end = np.interp(last - delay, knots, levels)
+        knots = np.concatenate([[first], knots[kept] + delay, [last]])
+        levels = np.concatenate([levels[:1], levels[kept], [end]])
+    return knots, levels
+
+
+def fill_gaps(times: Array, values: Array, hold: bool) -> Array:
+    """Return the values of an input at all times, where some are missing (NaN).
+
+    Args:
+        times: of the samples, increasing, ``(sample,)``.
+        values: ``(sample,)``; at least one is known.
+        hold: whether a value holds until the next one; else they are joined by straight lines.
+
+    Returns:
+        ``(sample,)``; NaN before the first known value, and after the last one unless it holds.
+    """
+    known = np.flatnonzero(~np.isnan(values))
+    if not hold:
+        return np.interp(times, times[known], values[known], left=np.nan, right=np.nan)
+    latest = np.searchsorted(known, np.arange(len(values)), side="right") - 1
+    return np.where(latest >= 0, values[known[latest]], np.nan)
+
+
+def _steps(times: Array, values: Array) -> tuple[Array, Array]:
+    """Return the knots of a staircase; only samples with a new value are jumps."""
+    resolution = float(np.spacing(np.abs(times).max()))
+    half = max(JUMP * float(np.diff(times).min()), 4 * resolution)
+    jumps = np.flatnonzero(values[1:] != values[:-1]) + 1
+    at, before, after = times[jumps], values[jumps - 1], values[jumps]
+    inner = np.column_stack([at - half, at + half]).ravel()
+    levels = np.column_stack([before, after]).ravel()
+    # The last sample acts at its own time only, so its jump would be outside of the recording.
+    inside = inner <= times[-1]
+    knots = np.concatenate([times[:1], inner[inside], times[-1:]])
+    ends = (values[:1], levels[inside], values[-1:])
+    return knots, np.concatenate(ends)

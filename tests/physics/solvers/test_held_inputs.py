@@ -1,0 +1,50 @@
+"""A simulator with a held or delayed input, against the analytic solution."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from dashred.core.errors import InputError
+from dashred.data.inputs import with_inputs
+from dashred.physics.backends.input_signals import InputSignals
+from dashred.physics.solvers.simulate import simulate
+
+TIMES, POWER = np.arange(5.0), np.array([1.0, 3.0, 0.0, 2.0, 0.0])
+
+
+def relaxed(make_system, dt, delay=0.0):
+    """Simulate ``u' = e - u`` from u = 0, with a held input e."""
+    system = make_system(f"""
+        fields: {{u: level}}
+        parameters: {{}}
+        inputs: {{e: {{column: power, hold: true, delay: {delay}}}}}
+        equations: {{u: e - u}}
+        start: {{u: 0}}
+        integrator: {{method: rk4, dt: {dt}}}
+    """)
+    driven = with_inputs(system, InputSignals(TIMES, {"power": POWER}))
+    start, times = torch.zeros(1, 1).double(), torch.from_numpy(TIMES)
+    return simulate(driven, start, times)[0, :, 0].numpy()
+
+
+def exact(delay):
+    found = [0.0]
+    for before, now in zip([POWER[0], *POWER[:-2]], POWER[:-1], strict=True):
+        u = before + (found[-1] - before) * np.exp(-delay)
+        found.append(now + (u - now) * np.exp(delay - 1))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.25])
+def test_a_jump_at_the_end_of_a_step_costs_no_order(make_system, delay):
+    steps = (0.25, 0.125)
+    errors = [np.abs(relaxed(make_system, dt, delay) - exact(delay)).max() for dt in steps]
+    assert errors[1] < 1e-5
+    assert errors[0] / errors[1] > 12
+
+
+def test_a_delay_beyond_the_recording_is_refused(make_system):
+    with pytest.raises(InputError, match="acts after 9, but its samples span 4"):
+        relaxed(make_system, 0.125, delay=9.0)
