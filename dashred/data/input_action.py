@@ -7,16 +7,15 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Half of the time of a jump, as a share of the shortest step between samples: shorter than the
-# distance of the stages of a Runge–Kutta step from its ends.
+# Time of a jump, as a share of the shortest step between samples: shorter than the distance of the
+# stages of a Runge–Kutta step from its ends.
 JUMP = 1e-9
 
 
 def act(times: Array, values: Array, hold: bool, delay: float) -> tuple[Array, Array]:
     """Return the knots of the piecewise linear curve by which an input acts.
 
-    A held input jumps at its samples: there the curve is a steep line with its middle at the
-    sample.
+    A held input jumps at its samples: the curve is a steep line that ends at the sample.
 
     Args:
         times: of the samples, increasing, ``(sample,)``.
@@ -61,13 +60,11 @@ def fill_gaps(times: Array, values: Array, hold: bool) -> Array:
 def _steps(times: Array, values: Array) -> tuple[Array, Array]:
     """Return the knots of a staircase; only samples with a new value are jumps."""
     resolution = float(np.spacing(np.abs(times).max()))
-    half = max(JUMP * float(np.diff(times).min()), 4 * resolution)
+    width = max(JUMP * float(np.diff(times).min()), 4 * resolution)
     jumps = np.flatnonzero(values[1:] != values[:-1]) + 1
     at, before, after = times[jumps], values[jumps - 1], values[jumps]
-    inner = np.column_stack([at - half, at + half]).ravel()
+    inner = np.column_stack([at - width, at]).ravel()
     levels = np.column_stack([before, after]).ravel()
-    # The last sample acts at its own time only, so its jump would be outside of the recording.
-    inside = inner <= times[-1]
-    knots = np.concatenate([times[:1], inner[inside], times[-1:]])
-    ends = (values[:1], levels[inside], values[-1:])
-    return knots, np.concatenate(ends)
+    if not len(jumps) or jumps[-1] < len(times) - 1:
+        inner, levels = np.append(inner, times[-1]), np.append(levels, values[-1])
+    return np.append(times[:1], inner), np.append(values[:1], levels)

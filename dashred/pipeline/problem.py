@@ -17,15 +17,14 @@ from dashred.core.findings.cause_schema import FaultySensor
 from dashred.data.episodes import Episodes, name_episode_in_errors
 from dashred.data.inputs import with_inputs
 from dashred.data.io.reader import read_episodes
+from dashred.data.known_readings import subtract_known_readings
 from dashred.data.noise_level import noise_std
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
 from dashred.data.resampling import native_step, resample_all
-from dashred.data.sensors import Sensor
 from dashred.data.splits import Split, hold_out_episode, split_recording
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.results.verdict import describe_fault
-from dashred.physics.expressions.algebra import names
 from dashred.physics.external.snapshot_file import open_snapshots
 from dashred.physics.external.snapshots import Snapshots
 from dashred.physics.library import build_library
@@ -194,7 +193,8 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     system = System(config.system, config.where)
     library = build_library(system, config.library)
     read = read_recorded(config, system) if recorded is None else recorded
-    _check_readings(system, read.sensors)
+    sha256 = read.sha256()
+    system, read, subtracted = subtract_known_readings(system, read)
     # The system and the recording may each state units. The reader has checked that they agree.
     units = {**read.episodes[0].recording.units, **system.units}
     system = system.with_config(replace(system.config, units=units))
@@ -202,6 +202,8 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     if snapshots is not None:
         every = snapshots.clock_step(native_step(read.episodes[0].recording.times), every)
     sampled, clock = resample_all(read, every)
+    for clause in subtracted:
+        clock = _with_clause(clock, clause)
     if read.left_out:
         clock = _with_clause(clock, f"without the columns {', '.join(read.left_out)}")
     splits = []
@@ -215,7 +217,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     fitted = len(splits) - held_out
     if held_out:
         splits[-1] = hold_out_episode(sampled.episodes[-1].recording, splits[-1])
-    noise, sha256 = _noise(raw[:fitted], splits[:fitted]), read.sha256()
+    noise = _noise(raw[:fitted], splits[:fitted])
     if not states_time_step(system):
         longest_fit = max((split.fit for split in splits[:fitted]), key=lambda fit: len(fit.times))
         std = np.array([noise[name] for name in longest_fit.names])
@@ -276,21 +278,6 @@ def _snapshots(system: System, read: Episodes) -> Snapshots | None:
         )
         raise InputError(what, hint="analyse one episode at a time")
     return open_snapshots(path, system)
-
-
-def _check_readings(system: System, sensors: Sequence[Sensor]) -> None:
-    """Check that every sensor reads a function of the state alone.
-
-    Raises:
-        InputError: a sensor reads a ``let`` that depends on time or on an input.
-    """
-    for sensor in sensors:
-        key = f"system.let.{sensor.reads}"
-        read = names(system.resolve(system.parse(sensor.reads, key), key)) & system.clock
-        if read:
-            what = f"sensor {sensor.name!r} reads {sensor.reads!r}, which depends on {min(read)!r}"
-            hint = "a sensor can read fields only: subtract the other contributions from its data"
-            raise InputError(what, where=system.where(key), hint=hint)
 
 
 def _check_steps(config: Config, span: float, dt: float) -> None:

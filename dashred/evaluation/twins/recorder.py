@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from dashred.config import Config
+from dashred.data.known_readings import check_reads_state
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
 from dashred.data.sensor_layout import place_sensors
@@ -145,6 +146,7 @@ def observe(
 ) -> Recording:
     """Observe the truth at random positions, with noise relative to the std of each quantity."""
     places, hidden = place_sensors(system, config, rng), twin.concealed
+    check_reads_state(system, places)
     true_sensors = [displaced(sensor, hidden.faults, system) for sensor in places]
     clean = ObservationOperator(true_sensors, system)(states).numpy()
     noisy, sensors = np.empty_like(clean), []

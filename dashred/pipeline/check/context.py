@@ -12,6 +12,7 @@ from dashred.config import Config
 from dashred.core.errors import InputError
 from dashred.data.episodes import Episodes
 from dashred.data.inputs import drive_signals, with_inputs
+from dashred.data.known_readings import subtract_known_readings
 from dashred.data.recording import Recording
 from dashred.data.sensor_layout import place_sensors
 from dashred.data.sensors import Sensor
@@ -89,6 +90,7 @@ def build_check_context(config: Config, recorded: Episodes | None = None) -> Che
     if recorded is None:
         recorded = read_recorded(config, System(config.system, config.where))
     problem = build_problem(config, recorded)
+    _, recorded, _ = subtract_known_readings(System(config.system, config.where), recorded)
     recordings = {episode.name: episode.recording for episode in recorded.episodes}
     return CheckContext(
         config,

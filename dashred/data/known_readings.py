@@ -1,0 +1,137 @@
+"""Sensors that read functions of the inputs or of time as well as of the state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from dashred.core.errors import InputError
+from dashred.data.episodes import Episode, Episodes
+from dashred.data.inputs import with_inputs
+from dashred.data.recording import Recording
+from dashred.data.sensors import Sensor
+from dashred.physics.backends.torch_backend import Program
+from dashred.physics.expressions.algebra import Expr, add, names, substitute, summands, to_text
+from dashred.physics.grids.operators import NoSpace
+from dashred.physics.system import System
+
+
+def subtract_known_readings(
+    system: System, episodes: Episodes
+) -> tuple[System, Episodes, list[str]]:
+    """Subtract from readings what the inputs and the time contribute to them.
+
+    A sensor that reads ``y = h(u) + g(e, t)``, with measured inputs e, becomes one that reads
+    ``h(u)``: the values of ``g`` are known. The function h is added to the system as a let.
+
+    Args:
+        system: the simulator.
+        episodes: the recording.
+
+    Returns:
+        The system and the recording of sensors that read functions of the state, and for each
+        changed quantity a clause with what was subtracted.
+
+    Raises:
+        InputError: y depends on an input or on time in another way, or not on the state.
+    """
+    changed: dict[str, tuple[str, Expr]] = {}
+    clauses = []
+    for sensor in episodes.sensors:
+        if sensor.reads in changed or not _reads_clock(system, sensor.reads):
+            continue
+        of_state, known = _split(system, sensor)
+        name = _free_name(system, sensor.reads)
+        let = {**system.config.let, name: to_text(of_state)}
+        units = dict(system.units)
+        if sensor.reads in units:
+            units[name] = units[sensor.reads]
+        system = system.with_config(replace(system.config, let=let, units=units))
+        changed[sensor.reads] = name, known
+        clauses.append(f"{sensor.reads} without its known part {to_text(known)}")
+    if not changed:
+        return system, episodes, []
+    parts = tuple(
+        Episode(part.name, _without(system, part.recording, changed)) for part in episodes.episodes
+    )
+    return system, replace(episodes, episodes=parts), clauses
+
+
+def check_reads_state(system: System, sensors: Sequence[Sensor]) -> None:
+    """Check that every sensor reads a function of the state alone.
+
+    Raises:
+        InputError: a sensor reads a ``let`` that depends on time or on an input.
+    """
+    for sensor in sensors:
+        if _reads_clock(system, sensor.reads):
+            raise _refused(system, sensor, "a sensor of a twin can read functions of fields only")
+
+
+def _reads_clock(system: System, reads: str) -> bool:
+    return bool(names(_in_fields(system, reads)) & system.clock)
+
+
+def _in_fields(system: System, reads: str) -> Expr:
+    """Return a quantity in fields, parameters, coordinates, inputs and time."""
+    expr = system.parse(reads, f"system.let.{reads}")
+    while names(expr) & set(system.lets):
+        expr = substitute(expr, system.lets)
+    return expr
+
+
+def _split(system: System, sensor: Sensor) -> tuple[Expr, Expr]:
+    """Return h and g of a quantity."""
+    given = system.clock | set(system.config.parameters)
+    terms = summands(_in_fields(system, sensor.reads))
+    known = [term for term in terms if names(term) & system.clock and names(term) <= given]
+    of_state = add([term for term in terms if term not in known])
+    if mixed := names(of_state) & system.clock:
+        hint = f"write it as a sum of a function of the fields and one of {min(mixed)}"
+        raise _refused(system, sensor, hint)
+    if not names(of_state) & set(system.fields):
+        what = f"sensor {sensor.name!r} reads {sensor.reads!r}, which does not depend on a field"
+        where = system.where(f"system.let.{sensor.reads}")
+        raise InputError(what, where=where, hint="leave it out with recording.ignore")
+    return of_state, add(known)
+
+
+def _refused(system: System, sensor: Sensor, hint: str) -> InputError:
+    on = min(names(_in_fields(system, sensor.reads)) & system.clock)
+    what = f"sensor {sensor.name!r} reads {sensor.reads!r}, which depends on {on!r}"
+    return InputError(what, where=system.where(f"system.let.{sensor.reads}"), hint=hint)
+
+
+def _free_name(system: System, reads: str) -> str:
+    name = f"{reads}_of_state"
+    while name in system.names:
+        name += "_"
+    return name
+
+
+def _without(
+    system: System, recording: Recording, changed: dict[str, tuple[str, Expr]]
+) -> Recording:
+    """Return a recording without the known part of its readings."""
+    driven = with_inputs(system, recording.inputs)
+    values, sensors = recording.values.copy(), []
+    for column, sensor in enumerate(recording.sensors):
+        name, known = changed.get(sensor.reads, (sensor.reads, None))
+        sensors.append(replace(sensor, reads=name))
+        if known is not None:
+            key = f"system.let.{sensor.reads}"
+            values[:, column] -= _at(driven, driven.resolve(known, key), recording.times)
+    return replace(recording, sensors=tuple(sensors), values=values)
+
+
+def _at(system: System, known: Expr, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a function of inputs and time at some times, ``(time,)``."""
+    cpu = torch.device("cpu")
+    [value] = Program([known])(system.coordinates_and_inputs(times, cpu), NoSpace())
+    found = torch.as_tensor(NoSpace().on_grid(value), dtype=torch.float64)
+    result: NDArray[np.float64] = found.expand(len(times)).numpy()
+    return result
