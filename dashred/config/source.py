@@ -36,7 +36,8 @@ CONVERT: dict[str, Callable[[str], Any]] = {
 MAX_DEPTH = 12
 # Larger than any file written by hand; reading more would take minutes.
 MAX_BYTES, MAX_VALUES = 100_000, 2000
-COMMA = "inside { } a comma ends a text: quote an expression that contains a comma"
+BRACKET = "inside { } a text with [ ], such as a unit, needs quotes"
+OPEN = "close every ( with a ), or put the text into quotes"
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,10 @@ def check_text(text: str, *, where: str) -> str:
 
 
 def _hint(error: yaml.MarkedYAMLError) -> str:
-    return "indent with spaces, not tabs" if "\\t" in (error.problem or "") else QUOTE
+    problem = error.problem or ""
+    if "\\t" in problem:
+        return "indent with spaces, not tabs"
+    return BRACKET if "got '['" in problem else QUOTE
 
 
 class _Loader(yaml.SafeLoader):
@@ -171,6 +175,23 @@ def _join_calls(items: list[Node]) -> list[Node]:
     return joined
 
 
+def _join_calls_of_pairs(pairs: list[tuple[Node, Node]]) -> list[tuple[Node, Node]]:
+    """Join what a comma within parentheses has separated in { }: ``{u: d(u, x), v: 1}``."""
+    joined: list[tuple[Node, Node]] = []
+    for name, value in pairs:
+        before = joined[-1][1] if joined else None
+        # The rest of a call is a plain name, and what follows the comma is no pair of its own.
+        is_part = isinstance(name, ScalarNode) and name.style is None
+        is_alone = isinstance(value, ScalarNode) and value.style is None and not value.value
+        is_open = isinstance(before, ScalarNode) and _open_parentheses(before) > 0
+        if is_part and is_alone and is_open:
+            [text] = _join_calls([joined[-1][1], name])
+            joined[-1] = (joined[-1][0], text)
+        else:
+            joined.append((name, value))
+    return joined
+
+
 def _open_parentheses(node: ScalarNode) -> int:
     """Return by how many the parentheses that open exceed those that close; 0 if quoted."""
     return 0 if node.style else int(node.value.count("(") - node.value.count(")"))
@@ -200,13 +221,14 @@ class _Reader:
 
     def _mapping(self, node: MappingNode, parent: str) -> dict[str, Any]:
         values: dict[str, Any] = {}
-        for name_node, value_node in node.value:
-            name = self._name(name_node, in_flow=bool(node.flow_style))
+        in_flow = bool(node.flow_style)
+        for name_node, value_node in _join_calls_of_pairs(node.value) if in_flow else node.value:
+            name = self._name(name_node, in_flow=in_flow)
             if name in values:
                 raise InputError(f"duplicate key {name!r}", where=self._line(name_node))
             key = f"{parent}.{name}" if parent else name
             self.lines[key] = self._line(name_node)
-            values[name] = self.value(value_node, key, in_flow=bool(node.flow_style))
+            values[name] = self.value(value_node, key, in_flow=in_flow)
         return values
 
     def _name(self, node: Node, *, in_flow: bool) -> str:
@@ -225,7 +247,7 @@ class _Reader:
         if kind == "str":
             if in_flow and _open_parentheses(node):
                 what = f"unbalanced ( ) in {text!r}"
-                raise InputError(what, where=self._line(node), hint=COMMA)
+                raise InputError(what, where=self._line(node), hint=OPEN)
             return check_text(text, where=self._line(node))
         if kind not in CONVERT:
             raise InputError(f"YAML tags are not supported: {node.tag}", where=self._line(node))

@@ -100,9 +100,21 @@ def key_value_pairs(argv: Iterable[str]) -> Iterator[tuple[str, str]]:
     for text in argv:
         key, sign, value = text.partition("=")
         if not sign or not key or key.startswith("-"):
-            hint = f"write {text.lstrip('-')}" if sign and key.strip("-") else "see --help"
-            raise InputError(f"expected key=value, got {text!r}", where=COMMAND_LINE, hint=hint)
+            what = f"expected key=value, got {text!r}"
+            raise InputError(what, where=COMMAND_LINE, hint=_hint(text))
         yield key, value
+
+
+def _hint(text: str) -> str:
+    """Return what may have been meant by an argument that is not ``key=value``."""
+    bare = text.lstrip("-")
+    if "=" in bare.strip("="):
+        return f"write {bare}"
+    if bare.endswith((".yaml", ".yml")):
+        return f"write conf={text} for a configuration; see --help"
+    if "." in bare or "/" in bare:
+        return f"write path={text} for a file, or the key that it belongs to; see --help"
+    return "see --help"
 
 
 @dataclass(frozen=True)

@@ -47,6 +47,8 @@ def test_words_are_values_of_their_types() -> None:
         ([], "path= is missing", "dashred example path=FILE.csv [jobs=2]"),
         (["path"], "expected key=value, got 'path'", "see --help"),
         (["--path=a"], "expected key=value", "write path=a"),
+        (["cell.yaml"], "expected key=value, got 'cell.yaml'", "write conf=cell.yaml"),
+        (["data/cell.csv"], "expected key=value, got 'data/cell.csv'", "path=data/cell.csv"),
         (["=a"], "expected key=value", "see --help"),
         (["path=a", "path=b"], "path= is given twice", "keep one"),
         (["path="], "path= is empty", "for example path=FILE.csv"),
