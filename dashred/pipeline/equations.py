@@ -41,6 +41,7 @@ from dashred.pipeline.simulation.ensembles import (
 from dashred.pipeline.simulation.longer_step import with_longer_step
 from dashred.pipeline.simulation.nominal_run import NominalRun, simulate_nominal
 from dashred.pipeline.simulation.resolution_check import check_corrected, check_discretisation
+from dashred.pipeline.simulation.state_samples import state_samples
 from dashred.pipeline.verification import verification as verify
 from dashred.pipeline.verification.structure import check_structure
 
@@ -87,7 +88,7 @@ def simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
 
 def _simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
     nominal = simulate_nominal(problem, seconds)
-    problem = keep_identifiable_terms(problem, nominal.references[0], problem.times)
+    problem = keep_identifiable_terms(problem, state_samples(problem, nominal))
     check_structure(problem.system, problem.times, nominal.references[0])
     resolution = check_discretisation(problem, nominal, seconds)
     if resolution.enough == 2 and not problem.system.axes:

@@ -72,6 +72,7 @@ def analyse(config: Config) -> None:
     from dashred.pipeline.run.output_dir import make_output
     from dashred.pipeline.simulation.ensembles import simulate_ensemble
     from dashred.pipeline.simulation.nominal_run import simulate_nominal
+    from dashred.pipeline.simulation.state_samples import StateSamples
 
     assert config.output is not None
     provenance.prepare_torch(config)
@@ -80,7 +81,9 @@ def analyse(config: Config) -> None:
         fault = "the baselines read one episode, and the recording has several"
         raise InputError(fault, where=config.recording.path)
     nominal = simulate_nominal(problem, {})
-    problem = keep_identifiable_terms(problem, nominal.states, problem.times)
+    problem = keep_identifiable_terms(
+        problem, StateSamples(problem.system, nominal.states, problem.times)
+    )
     unchanged = replace(problem, config=_plain(config))
     plain_seconds: dict[str, float] = {}
     plain = simulate_ensemble(unchanged, nominal, plain_seconds)

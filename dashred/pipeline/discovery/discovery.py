@@ -51,6 +51,7 @@ from dashred.pipeline.discovery.segment_stage import discover_in_segments, with_
 from dashred.pipeline.discovery.selected_laws import MAX_RIVALS, best_by_size, fit_best
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
+from dashred.pipeline.simulation.state_samples import state_samples
 from dashred.pipeline.training import TrainedNetwork
 
 
@@ -82,12 +83,9 @@ def discover(
         run: tracker of the parent run.
         seconds: run time by stage, updated.
     """
+    samples = state_samples(problem, nominal)
     candidates = build_candidates(
-        problem.system,
-        problem.library,
-        nominal.references[0],
-        problem.times,
-        problem.extensions,
+        samples.system, problem.library, samples.states, samples.times, problem.extensions
     )
     proposals = _proposals(problem, candidates, assimilated)
     with run.child("discover") as child:

@@ -31,6 +31,7 @@ from dashred.pipeline.discovery.least_squares import fit_noise, simulator_with
 from dashred.pipeline.discovery.prior_start import fit_near_prior
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
+from dashred.pipeline.simulation.state_samples import state_samples
 
 STEPS, TOLERANCE = 10, 1e-4
 # If the misfit is more than this many times the noise, the fit without a law needs little accuracy.
@@ -151,16 +152,17 @@ def _with_additions(
     problem: Problem, nominal: NominalRun, objective: LeastSquaresProblem
 ) -> tuple[LeastSquaresProblem, Additions]:
     """Return the problem with the terms that may act locally, and what may be added to it."""
-    states, times = nominal.references[0], problem.times
+    samples = state_samples(problem, nominal)
+    system, states, times = samples.system, samples.states, samples.times
     known = list(objective.forward_model.law.candidates)
-    local = replaced_terms(problem.system, problem.library, known, states, times)
+    local = replaced_terms(system, problem.library, known, states, times)
     everything = _with_candidates(objective, local, problem.config.discovery.weak)
     additions = Additions(
         global_count=len(known),
-        tendency_rms=tendency_size(problem.system, states, times),
+        tendency_rms=tendency_size(system, states, times),
         windowed_simulator=lambda: _windowed_simulator(problem, [*known, *local]),
         extended_candidates=lambda: build_extended_candidates(
-            problem.system, problem.library, states, times
+            system, problem.library, states, times
         ),
     )
     return everything, additions

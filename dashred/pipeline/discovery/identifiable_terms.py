@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from torch import Tensor
-
 from dashred.physics.library import check_collinear, uninformative_terms
 from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation.state_samples import StateSamples
 
 
-def keep_identifiable_terms(problem: Problem, states: Tensor, t: float | Tensor) -> Problem:
+def keep_identifiable_terms(problem: Problem, samples: StateSamples) -> Problem:
     """Return the problem with a library in which no two terms are proportional on the simulation.
 
     Of two proportional terms of the default library the later one is removed, such as ``abs(u)``
@@ -20,18 +19,18 @@ def keep_identifiable_terms(problem: Problem, states: Tensor, t: float | Tensor)
 
     Args:
         problem: problem with the full library.
-        states: states of the simulation, ``(time, field, *grid)``.
-        t: time of all states, or of each of them, ``(time,)``.
+        samples: states of the simulation.
 
     Raises:
         InputError: in the library of the user two terms are proportional, or a term vanishes or is
             not finite.
     """
-    system, library = problem.system, problem.library
+    library = problem.library
+    arguments = samples.states, samples.times
     if problem.config.library is not None:
         listed = [term for term in library if term not in problem.extensions]
-        check_collinear(system, listed, states, t)
-    left_out = uninformative_terms(system, library, states, t)
+        check_collinear(samples.system, listed, *arguments)
+    left_out = uninformative_terms(samples.system, library, *arguments)
     if not left_out:
         return problem
     identifiable = [term for term in library if term not in left_out]

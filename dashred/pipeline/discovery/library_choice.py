@@ -31,6 +31,7 @@ from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_term
 from dashred.pipeline.discovery.segment_search import search_library
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
+from dashred.pipeline.simulation.state_samples import state_samples
 
 # Sensor errors are searched beside laws of more terms, or if the record is not explained.
 SIMPLE_TERMS = 2
@@ -134,9 +135,9 @@ def _extend(
     problem: Problem, nominal: NominalRun, found: SegmentSearch
 ) -> tuple[Problem, SegmentSearch]:
     """Add the terms beyond the library that a better law needs."""
-    states, times = nominal.references[0], problem.times
+    samples = state_samples(problem, nominal)
     system, library = problem.system, problem.library
-    further = build_extended_candidates(system, library, states, times)
+    further = build_extended_candidates(samples.system, library, samples.states, samples.times)
     further = _distinct(found, [c for c in further if not _is_wave_of_no_angle(system, c)])
     if not further or len(found.problem.candidates) + len(further) > MAX_CANDIDATES:
         return problem, found
@@ -227,4 +228,4 @@ def _with_terms_in(problem: Problem, nominal: NominalRun, equations: Collection[
 
 
 def _identifiable(problem: Problem, nominal: NominalRun) -> Problem:
-    return keep_identifiable_terms(problem, nominal.references[0], problem.times)
+    return keep_identifiable_terms(problem, state_samples(problem, nominal))

@@ -20,6 +20,7 @@ from dashred.pipeline.simulation.segmented_record import (
     resolve_steps,
     segment_record,
 )
+from dashred.pipeline.simulation.state_samples import state_samples
 
 STAGE = "search over segments"
 # The prior standard deviation of the first state is widened by this factor.
@@ -36,7 +37,10 @@ def search_library(problem: Problem, nominal: NominalRun) -> SegmentSearch | Non
         nominal: simulation that gives the prior of the start and the scales.
     """
     system = problem.system
-    candidates = build_candidates(system, problem.library, nominal.references[0], problem.times)
+    reference = state_samples(problem, nominal)
+    candidates = build_candidates(
+        reference.system, problem.library, reference.states, reference.times
+    )
     terms = [term for candidate in candidates for term in candidate.terms]
     if not has_ode_tangents(system, terms):
         return None

@@ -17,6 +17,7 @@ from dashred.pipeline.run.output_dir import clear_output, named_output
 from dashred.pipeline.run.parent_run import open_parent
 from dashred.pipeline.run.run_manifest import SNAPSHOTS, manifest_of, remove_checkpoints
 from dashred.pipeline.run.run_tags import log_input, log_result
+from dashred.pipeline.simulation.state_samples import StateSamples
 from dashred.pipeline.snapshots import black_box_findings, black_box_report, snapshot_runs
 from dashred.pipeline.snapshots.black_box_analysis import BlackBoxAnalysis, analyse_runs
 from dashred.pipeline.snapshots.snapshot_runs import SnapshotRuns
@@ -29,7 +30,9 @@ def read_snapshots(problem: Problem, seconds: dict[str, float]) -> tuple[Problem
         InputError: the input is wrong.
     """
     runs = snapshot_runs.read_runs(problem, seconds)
-    return keep_identifiable_terms(problem, runs.sample_states, float(problem.times[0])), runs
+    states = runs.sample_states
+    samples = StateSamples(problem.system, states, problem.times[:1].expand(len(states)))
+    return keep_identifiable_terms(problem, samples), runs
 
 
 def discover(

@@ -12,6 +12,7 @@ from dashred.core.errors import InputError
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
 from dashred.pipeline.problem import Problem, build_problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
+from dashred.pipeline.simulation.state_samples import StateSamples, state_samples
 from dashred.pipeline.verification.verification import build_input
 
 TEXT = """
@@ -42,9 +43,13 @@ def make_problem(folder: Path, *words: str) -> Problem:
     )
 
 
+def samples(problem: Problem) -> StateSamples:
+    return state_samples(problem, simulate_nominal(problem, {}))
+
+
 def test_a_field_that_is_never_negative_is_its_own_magnitude(tmp_path: Path) -> None:
     problem = make_problem(tmp_path)
-    apart = keep_identifiable_terms(problem, simulate_nominal(problem, {}).states, problem.times)
+    apart = keep_identifiable_terms(problem, samples(problem))
     names = {(term.equation, str(term)) for term in apart.library}
     assert {("a", "1"), ("a", "a"), ("a", "a**2"), ("b", "a*b")} <= names
     assert not {("a", "sign(a)"), ("b", "a*abs(a)"), ("a", "b*abs(b)")} & names
@@ -58,20 +63,58 @@ def test_a_field_that_is_never_negative_is_its_own_magnitude(tmp_path: Path) -> 
 def test_a_list_of_ones_own_is_refused_with_both_named(tmp_path: Path) -> None:
     problem = make_problem(tmp_path, "library={a: [a, abs(a)]}")
     with pytest.raises(InputError, match=r"'a' and 'abs\(a\)' are proportional"):
-        keep_identifiable_terms(problem, simulate_nominal(problem, {}).states, problem.times)
+        keep_identifiable_terms(problem, samples(problem))
 
 
 def test_a_list_that_can_be_told_apart_is_kept(tmp_path: Path) -> None:
     problem = make_problem(tmp_path, "library={a: [a, a**2]}")
-    assert (
-        keep_identifiable_terms(problem, simulate_nominal(problem, {}).states, problem.times)
-        is problem
-    )
+    assert keep_identifiable_terms(problem, samples(problem)) is problem
 
 
 def test_where_nothing_moves_the_user_is_told(tmp_path: Path) -> None:
     still = ["system.start.a=0", "system.start.b=0", "system.equations={a: -a, b: -b}"]
     problem = make_problem(tmp_path, *still)
-    apart = keep_identifiable_terms(problem, simulate_nominal(problem, {}).states, problem.times)
+    at_rest = simulate_nominal(problem, {}).states
+    apart = keep_identifiable_terms(problem, StateSamples(problem.system, at_rest, problem.times))
     assert {str(term) for term in apart.library} == {"1"}
     assert build_input(apart)["library_left_out"]["a: a"] == "vanishes"
+
+
+def pushed(tmp_path: Path, second: float) -> Problem:
+    """Two episodes of a sledge that is pushed in a direction s."""
+    (tmp_path / "sledge.yaml").write_text("""
+system:
+  title: a sledge
+  fields: {v: speed}
+  parameters: {a: 0.5}
+  inputs: {s: direction}
+  equations: {v: -v + a*s}
+  start: {v: 0.1}
+  spread: {v: 0.1}
+  integrator: {dt: 0.1}
+recording: {path: sledge.csv}
+""")
+    rows = [
+        f"{name},{0.1 * i:.1f},{s * (0.1 + 0.01 * i)},{s}"
+        for name, s in (("left", 1.0), ("right", second))
+        for i in range(40)
+    ]
+    (tmp_path / "sledge.csv").write_text("\n".join(["episode,time,v,direction", *rows]) + "\n")
+    return build_problem(load_config([f"conf={tmp_path / 'sledge.yaml'}"], entry="train"))
+
+
+@pytest.mark.parametrize("second", [1.0, -1.0])
+def test_an_input_with_one_value_per_episode_differs_from_a_constant(
+    tmp_path: Path, second: float
+) -> None:
+    problem = pushed(tmp_path, second)
+    library = {str(t) for t in keep_identifiable_terms(problem, samples(problem)).library}
+    assert "1" in library and ("s" in library) == (second != 1.0)
+
+
+def test_the_samples_are_those_of_all_episodes_with_their_inputs(tmp_path: Path) -> None:
+    found = samples(pushed(tmp_path, -1.0))
+    assert len(found.states) == len(found.times) == 80
+    assert (found.times.diff() > 0).all()
+    signal = found.system.input_signals.at(found.times.numpy())["s"]
+    assert signal.tolist() == [1.0] * 40 + [-1.0] * 40

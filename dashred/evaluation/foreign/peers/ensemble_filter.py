@@ -22,12 +22,15 @@ def filter_with_coefficients(folder: Path) -> list[TermEntry]:
     from dashred.pipeline.problem import build_problem
     from dashred.pipeline.run import provenance
     from dashred.pipeline.simulation.nominal_run import simulate_nominal
+    from dashred.pipeline.simulation.state_samples import StateSamples
 
     config = load_config([f"conf={folder / CONFIG}", "threads=1"], entry="train")
     provenance.prepare_torch(config)
     problem = build_problem(config)
     nominal = simulate_nominal(problem, {})
-    problem = keep_identifiable_terms(problem, nominal.states, problem.times)
+    problem = keep_identifiable_terms(
+        problem, StateSamples(problem.system, nominal.states, problem.times)
+    )
     # The filter needs the starts of its members only: their runs may blow up without the readings.
     starts = nominal.prior.draw(config.simulation.members, problem.rng("filter members"))
     members = Ensemble(problem.times[:1], starts[:, None], starts.new_zeros((len(starts), 0)))

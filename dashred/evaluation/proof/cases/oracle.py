@@ -36,6 +36,7 @@ from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_term
 from dashred.pipeline.discovery.least_squares import build_least_squares, exact_simulator
 from dashred.pipeline.problem import Problem, build_problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
+from dashred.pipeline.simulation.state_samples import StateSamples
 
 # Difference in score by which the true form must be better than others in a decidable case.
 DECIDABLE = 6.0
@@ -206,7 +207,9 @@ def prior_and_library(name: str, problem: Problem) -> tuple[StartModel, list[Can
     """Return the start prior and the candidates of a system, cached for all its cases."""
     if name not in CACHE:
         nominal = simulate_nominal(problem, {})
-        apart = keep_identifiable_terms(problem, nominal.states, problem.times)
+        apart = keep_identifiable_terms(
+            problem, StateSamples(problem.system, nominal.states, problem.times)
+        )
         library = build_candidates(problem.system, apart.library, nominal.states, problem.times)
         CACHE[name] = nominal.start, library
     return CACHE[name]
