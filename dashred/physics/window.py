@@ -86,7 +86,7 @@ class Window:
         if self.shape.axis is not None:
             begin, end = self.shape.axis.interval(place - self.values[1], place + self.values[1])
             if begin > end:
-                return f"for {of} > {begin:.3g} and {of} < {end:.3g}"
+                return f"for {of} > {begin:.3g} or {of} < {end:.3g}"
             return f"for {begin:.3g} < {of} < {end:.3g}"
         return f"for {of} {'<' if self.shape.side == 'below' else '>'} {place:.3g}"
 

@@ -95,6 +95,6 @@ def test_an_interval_is_told_in_coordinates_of_the_axis(axis: Axis, ends, expect
     begin, end = expected
     words = f"for {begin:g} < x < {end:g}"
     if begin > end:
-        words = f"for x > {begin:g} and x < {end:g}"
+        words = f"for x > {begin:g} or x < {end:g}"
     centre, half = sum(ends) / 2, (ends[1] - ends[0]) / 2
     assert str(box(axis).at((centre, half, 0.0))) == words

@@ -174,16 +174,15 @@ def _resolution_remark(
     change = f"doubling the resolution changes a reading by {error:.2g} of its std{span}"
     if error <= limit:
         return Remark(f"The simulation is resolved: {change}")
+    text = f"The simulation is not resolved: {change}, more than {limit:g}"
+    why = "a run would find no law, because this error would look like missing physics"
+    if system.axes:
+        remedy = "decrease system.integrator.dt, or increase the points of the axes"
+        return Remark(text, "error", f"{why}; {remedy}")
+    # A run shortens the step of an ODE system, but by a limited factor.
     return warning(
-        f"The simulation is not resolved: {change}, more than {limit:g}",
-        f"a run would refuse it: its error would look like missing physics; {_remedy(system)}",
+        text, f"if half of the step is too long as well, {why}; decrease system.integrator.dt"
     )
-
-
-def _remedy(system: System) -> str:
-    if not system.axes:
-        return "decrease system.integrator.dt"
-    return "decrease system.integrator.dt, or increase the points of the axes"
 
 
 def _affordable_samples(seconds: float, each: float, most: int) -> int:

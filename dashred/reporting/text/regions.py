@@ -1,6 +1,6 @@
 """Where a law acts, as text: ``for 10.1 < x < 16.0 m``, ``u > 1.76 (…)``.
 
-A region that crosses the end of a periodic axis is written in two parts: ``x > 5.4 and x < 0.9``.
+A region that crosses the end of a periodic axis is written in two parts: ``x > 5.4 or x < 0.9``.
 """
 
 from collections.abc import Mapping
@@ -39,7 +39,7 @@ def bounds(region: Region, units: Mapping[str, str]) -> str:
 
 
 def _between(of: str, begin: str, end: str, *, is_split: bool) -> str:
-    return f"{of} > {begin} and {of} < {end}" if is_split else f"{begin} < {of} < {end}"
+    return f"{of} > {begin} or {of} < {end}" if is_split else f"{begin} < {of} < {end}"
 
 
 def states_text(states: ActiveStates, units: Mapping[str, str], *, in_space: bool) -> str:

@@ -64,7 +64,7 @@ def test_a_term_has_its_interval_and_its_text(flow: System) -> None:
                 "to": pytest.approx(0.5),
                 "std": pytest.approx(0.05),
             },
-            "for x > 5 and x < 0.5",
+            "for x > 5 or x < 0.5",
         ),
         (
             box(Axis("x", 6.0, 32, "insulated")),

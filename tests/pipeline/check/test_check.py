@@ -184,7 +184,31 @@ def test_too_long_a_step_is_not_resolved(
         capsys, f"conf={swing(tmp_path)}", "system.integrator.dt=0.2", "system.equations.v=-60*x"
     )
     assert "The simulation is not resolved" in found
+    assert "if half of the step is too long as well" in found
     assert "decrease system.integrator.dt" in found
+
+
+def test_too_coarse_a_grid_is_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    conf = tmp_path / "wave.yaml"
+    conf.write_text("""
+system:
+  title: a steep wave
+  axes: {x: {length: 1, points: 16}}
+  fields: {u: height}
+  equations: {u: "-4*u*d(u, x) + 0.001*lap(u)"}
+  start: {u: sin(2*pi*x)}
+  spread: {u: 1%, length: 0.2}
+  integrator: {dt: 0.01}
+recording: {path: wave.csv, sensors: sensors.csv}
+""")
+    places = np.arange(8) / 8
+    rows = [f"s{i},u,{x}" for i, x in enumerate(places)]
+    (tmp_path / "sensors.csv").write_text("\n".join(["name,field,x", *rows]))
+    waves = [[t, *np.sin(2 * np.pi * (places - 0.1 * t))] for t in np.arange(30) / 50]
+    names = ",".join(["time", *(f"s{i}" for i in range(8))])
+    np.savetxt(tmp_path / "wave.csv", waves, delimiter=",", header=names, comments="")
+    found = said(capsys, f"conf={conf}", code=2)
+    assert "x The simulation is not resolved" in found and "a run would find no law" in found
 
 
 def test_a_simulation_that_blows_up_is_a_warning(

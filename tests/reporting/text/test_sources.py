@@ -82,7 +82,7 @@ def test_without_a_source_the_largest_force_is_told() -> None:
 @pytest.mark.parametrize(
     ("begin", "end", "short", "text"),
     [
-        (5.42, 0.887, "for x > 5.42 and x < 0.887", "x > 5.420 and x < 0.887 (± 0.005)"),
+        (5.42, 0.887, "for x > 5.42 or x < 0.887", "x > 5.420 or x < 0.887 (± 0.005)"),
         (1.0, 2.0, "for 1 < x < 2", "1.000 < x < 2.000 (± 0.005)"),
     ],
 )
