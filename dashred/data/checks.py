@@ -89,21 +89,25 @@ def check_input(
     raise InputError(problem, where=where, hint="correct the value, or remove the row")
 
 
-def check_gaps(times: NDArray[np.float64], where: str) -> None:
-    """Check that an input that is interpolated has no long gap.
+def check_gaps(times: NDArray[np.float64], values: NDArray[np.float64], where: str) -> None:
+    """Check that an input that is interpolated is not empty for long.
 
     Args:
-        times: of the samples that are known, increasing, ``(sample,)``.
+        times: of the rows, increasing, ``(row,)``.
+        values: of the input, ``(row,)``; NaN where its cell is empty. One at least is known.
         where: location for error messages.
 
     Raises:
-        InputError: a step between samples is much longer than most are.
+        InputError: a step between samples with empty cells is much longer than most steps are.
     """
-    steps = np.diff(times)
-    if not len(steps) or steps.max() <= MAX_INPUT_GAP * np.median(steps):
+    known = np.flatnonzero(~np.isnan(values))
+    steps = np.diff(times[known])
+    long = (np.diff(known) > 1) & (steps > MAX_INPUT_GAP * np.median(steps)) if len(steps) else []
+    if not np.any(long):
         return
-    first = int(steps.argmax())
-    problem = f"the input has no value between {times[first]:.6g} and {times[first + 1]:.6g}"
+    first = int(np.argmax(long))
+    begin, end = times[known[first]], times[known[first + 1]]
+    problem = f"the input has no value between {begin:.6g} and {end:.6g}"
     hint = "fill the gap, or remove these rows; if its values hold until they change, set hold: "
     raise InputError(problem, where=where, hint=f"{hint}true for this input")
 

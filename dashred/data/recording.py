@@ -84,7 +84,7 @@ class Recording:
 
     def sha256(self) -> str:
         """Hash of the contents (sensors, times, values), independent of the file format."""
-        sensors = [[s.name, s.reads, list(s.position), s.std] for s in self.sensors]
+        sensors = [[s.name, s.reads, list(s.position), s.std or s.std_share] for s in self.sensors]
         digest = hashlib.sha256(json.dumps(sensors).encode())
         digest.update(self.times.astype("<f8").tobytes())
         # Use one NaN for all missing values: its bits differ between file formats.

@@ -80,12 +80,14 @@ class Sensor:
         reads: the field or derived quantity that it measures.
         position: one coordinate per axis, in the axis' unit; empty for an ODE system.
         std: noise std, in the unit of the measured quantity; None if unknown.
+        std_share: noise std as a share of the std of its readings; None if it is not stated so.
     """
 
     name: str
     reads: str
     position: tuple[float, ...] = ()
     std: float | None = None
+    std_share: float | None = None
 
 
 def observable_names(system: SystemDescription) -> tuple[str, ...]:

@@ -23,6 +23,7 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
 from dashred.data.resampling import native_step, resample_all
 from dashred.data.splits import Split, hold_out_episode, split_recording
+from dashred.data.stated_noise import resolve_shares, with_noise_of_sensors
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.results.verdict import describe_fault
 from dashred.physics.external.snapshot_file import open_snapshots
@@ -194,6 +195,8 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     library = build_library(system, config.library)
     read = read_recorded(config, system) if recorded is None else recorded
     sha256 = read.sha256()
+    stated = with_noise_of_sensors(read, config.recording.std, config.where("recording.std"))
+    read = resolve_shares(stated, config.splits.time.test)
     system, read, subtracted = subtract_known_readings(system, read)
     # The system and the recording may each state units. The reader has checked that they agree.
     units = {**read.episodes[0].recording.units, **system.units}

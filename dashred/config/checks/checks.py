@@ -15,6 +15,7 @@ from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where, required
 from dashred.core.errors import InputError, nearest
 from dashred.core.limits import Limit
+from dashred.core.stated_noise import parse_noise
 from dashred.physics.system_schema import System
 
 TWIN = re.compile(r"[A-Za-z0-9_-]+\Z")
@@ -125,6 +126,7 @@ def _check_library(settings: Settings, where: Where) -> None:
 def _check_recording(settings: Settings, where: Where) -> None:
     recording, system = settings.recording, settings.system
     _check_sensors(recording, where)
+    _check_noise(recording.std, where)
     for i, name in enumerate(recording.reads):
         if name not in system.fields and name not in system.let:
             raise InputError(
@@ -148,6 +150,14 @@ def check_recorded(settings: Settings, where: Where) -> None:
             where=where("recording"),
             hint="give recording.path=FILE or recording.twin=NAME",
         )
+
+
+def _check_noise(stated: Any, where: Where) -> None:
+    by_name = stated if isinstance(stated, dict) else {"": stated}
+    for name, noise in by_name.items():
+        if noise is not None or name:
+            key = f"recording.std.{name}" if name else "recording.std"
+            parse_noise(noise, key, where(key))
 
 
 def _check_sensors(recording: Recording, where: Where) -> None:

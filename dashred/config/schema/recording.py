@@ -27,6 +27,12 @@ class Recording:
     duration: Time
     """For twins: length of the recording."""
 
+    std: Any = None
+    """Standard deviation of the noise of the sensors of the user's own recording: a number in the
+    unit of what they read, or a share of the standard deviation of their readings such as 5%. One
+    for all sensors, or by name of a sensor or of what it reads. It overrides the table of sensors;
+    what neither states is estimated from the readings."""
+
     every: Time | None
     """Step between samples. Twins are sampled at this step; finer recordings are resampled to it;
     null keeps the recording's own step."""

@@ -160,7 +160,7 @@ def _driven(
             hint = "give a value in at least one row of each episode"
             raise InputError("the input has no values", where=where, hint=hint)
         if not hold:
-            check_gaps(times[~np.isnan(values)], where)
+            check_gaps(times, values, where)
         known = fill_gaps(times, values, hold)
         check_covered(times, times[~np.isnan(known)], where)
         filled[column] = known[rows]

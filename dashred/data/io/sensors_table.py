@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
-
-import numpy as np
-
 from dashred.core.errors import InputError, nearest
+from dashred.core.stated_noise import parse_noise
 from dashred.core.units import check_unit
 from dashred.data.io.columns import Columns
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.sensors import Sensor, SystemDescription, check_names, check_sensor
 
+# Cells of the column std of a sensor whose noise is not known.
+UNKNOWN = ("", "nan")
 OPTIONAL_COLUMNS = ("std", "unit")
 
 
@@ -21,8 +20,8 @@ def read_sensors(
     """Read the sensors of a system, in the order of the table.
 
     Columns: ``name``; ``field``, a field or derived quantity of the system; one coordinate per
-    axis, under the name of the axis; optionally ``std``, empty where the noise is unknown, and
-    ``unit`` of the measured quantity.
+    axis, under the name of the axis; optionally ``std``, a number or a share such as 5% of the std
+    of the readings, empty where the noise is unknown, and ``unit`` of the measured quantity.
 
     Args:
         table: with these columns.
@@ -40,12 +39,15 @@ def read_sensors(
     names = table.texts("name")
     check_names(names, table.path)
     positions = [table.numbers(axis) for axis in axes]
-    stds = table.numbers("std") if "std" in table.columns else np.full(len(names), np.nan)
+    stds = table.texts("std") if "std" in table.columns else [""] * len(names)
     sensors = []
     for row, (name, reads) in enumerate(zip(names, table.texts("field"), strict=True)):
         position = tuple(float(column[row]) for column in positions)
-        std = None if math.isnan(stds[row]) else float(stds[row])
-        sensors.append(Sensor(name, reads, position, std))
+        std = share = None
+        if stds[row].strip().lower() not in UNKNOWN:
+            where = table.location(row, "std")
+            std, share = parse_noise(stds[row], f"the std of sensor {name!r}", where)
+        sensors.append(Sensor(name, reads, position, std, share))
         check_sensor(sensors[-1], system, table.location(row))
     _state_units(table, sensors, axes, stated)
     return tuple(sensors)

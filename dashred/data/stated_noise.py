@@ -1,0 +1,80 @@
+"""The noise of sensors as the user states it: in units, or as a share of the readings' std."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from dashred.core.errors import InputError, nearest
+from dashred.core.stated_noise import parse_noise
+from dashred.data.episodes import Episode, Episodes
+from dashred.data.sensors import Sensor
+
+
+def with_noise_of_sensors(episodes: Episodes, stated: Any, where: str) -> Episodes:
+    """Return a recording with the noise that the configuration states.
+
+    Args:
+        episodes: the recording.
+        stated: ``recording.std``: None, one noise for all sensors, or the noise of some by the name
+            of the sensor or of what it reads.
+        where: location of the key.
+
+    Raises:
+        InputError: a name is neither that of a sensor nor of what one reads, or a noise is invalid.
+    """
+    if stated is None:
+        return episodes
+    if isinstance(stated, Mapping):
+        known = [n for sensor in episodes.sensors for n in (sensor.name, sensor.reads)]
+        for name in stated:
+            if name not in known:
+                problem = f"recording.std names {name!r}, but no sensor has or reads this name"
+                raise InputError(problem, where=where, hint=nearest(str(name), known))
+    sensors = tuple(_stated(sensor, stated, where) for sensor in episodes.sensors)
+    return _with_sensors(episodes, sensors)
+
+
+def resolve_shares(episodes: Episodes, held_out: float) -> Episodes:
+    """Return a recording in which every stated noise is in units.
+
+    The std of the readings is the rms over the episodes, each without its held-out end.
+
+    Args:
+        episodes: the recording.
+        held_out: share of each episode, at its end, that is held out.
+    """
+    if all(sensor.std_share is None for sensor in episodes.sensors):
+        return episodes
+    stds = []
+    for part in episodes.episodes:
+        times = part.recording.times
+        end = float(times[0] + (1 - held_out) * (times[-1] - times[0]))
+        stds.append(part.recording.between(float(times[0]), end).trace_std())
+    size = np.sqrt(np.square(stds).mean(axis=0))
+    sensors = []
+    for sensor, std in zip(episodes.sensors, size.tolist(), strict=True):
+        # A sensor that stays constant has no scale: its noise counts as unknown.
+        own = sensor.std if sensor.std_share is None else sensor.std_share * std or None
+        sensors.append(replace(sensor, std=own, std_share=None))
+    return _with_sensors(episodes, tuple(sensors))
+
+
+def _stated(sensor: Sensor, stated: Any, where: str) -> Sensor:
+    given = stated
+    if isinstance(stated, Mapping):
+        given = stated.get(sensor.name, stated.get(sensor.reads))
+        if given is None:
+            return sensor
+    std, share = parse_noise(given, "recording.std", where)
+    return replace(sensor, std=std, std_share=share)
+
+
+def _with_sensors(episodes: Episodes, sensors: tuple[Sensor, ...]) -> Episodes:
+    parts = [
+        Episode(part.name, replace(part.recording, sensors=sensors)) for part in episodes.episodes
+    ]
+    return replace(episodes, episodes=tuple(parts))
