@@ -102,8 +102,10 @@ def check_gaps(times: NDArray[np.float64], values: NDArray[np.float64], where: s
     """
     known = np.flatnonzero(~np.isnan(values))
     steps = np.diff(times[known])
-    long = (np.diff(known) > 1) & (steps > MAX_INPUT_GAP * np.median(steps)) if len(steps) else []
-    if not np.any(long):
+    if not len(steps):
+        return
+    long = (np.diff(known) > 1) & (steps > MAX_INPUT_GAP * np.median(steps))
+    if not long.any():
         return
     first = int(np.argmax(long))
     begin, end = times[known[first]], times[known[first + 1]]

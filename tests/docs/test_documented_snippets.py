@@ -47,14 +47,20 @@ def test_the_netcdf_that_is_described_is_read() -> None:
 def test_a_system_with_an_input_is_checked(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    [text] = [text for text in snippets(DOCS / "own-system.md", "yaml") if "inputs:" in text]
+    [text, held] = [text for text in snippets(DOCS / "own-system.md", "yaml") if "inputs:" in text]
     Path("capacitor.yaml").write_text(text)
+    begin = text.index("  inputs:")
+    end = text.index("\n", begin)
+    Path("held.yaml").write_text(text[:begin] + held.rstrip("\n") + text[end:])
     t = 0.05 * np.arange(200)
     # q' = (1 - q/C)/R from an empty capacitor: q = C (1 - exp(-t/RC)), R C = 1
     written(folder / "capacitor.csv", {"time": t, "q": (1 - np.exp(-t)) / 2, "voltage": t**0})
     assert command.main(["conf=capacitor.yaml"]) == 0
     said = capsys.readouterr().out
     assert "200 samples of 1 sensor" in said and "The simulation is resolved" in said
+    assert "x " not in {line.strip()[:2] for line in said.splitlines()}
+    assert command.main(["conf=held.yaml"]) == 0
+    said = capsys.readouterr().out
     assert "x " not in {line.strip()[:2] for line in said.splitlines()}
 
 
