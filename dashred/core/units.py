@@ -1,4 +1,4 @@
-"""Units as products of powers of symbols: compared and multiplied, but never converted.
+"""Units as products of powers of symbols: compared as text, and multiplied.
 
 ``m/s``, ``m s-1``, ``m s^-1`` and ``m·s⁻¹`` are the same unit. ``km`` and ``1000 m`` are different
 units, and so are ``s`` and ``sec``: symbols are compared as text.
@@ -122,7 +122,7 @@ def check_same_unit(
     if other is None or same_unit(stated, other):
         return
     problem = f"{what} is in {stated} here, but in {other} in {other_where}"
-    hint = "units are compared as text and never converted: use the same unit in both places"
+    hint = "use the same unit in both places"
     raise InputError(problem, where=stated_where, hint=hint)
 
 

@@ -147,7 +147,7 @@ class System:
 
     units: dict[str, str] = field(default_factory=dict)
     """Units of fields, axes, parameters, lets, inputs, and of time as t. Texts and figures show
-    them; a recording with other units is refused. Units are never converted."""
+    them. The values of a recording with other units are converted to these."""
 
     integrator: Integrator
     """Integration in time and space."""

@@ -26,6 +26,7 @@ from dashred.data.io.sensor_columns import (
     check_recorded,
     split_columns,
 )
+from dashred.data.io.sensor_units import convert_sensors
 from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.io.time_column import find_time_column, read_times
@@ -73,7 +74,8 @@ def episodes_of_table(
     """
     path = table.path
     time = find_time_column(table)
-    inputs, stated = _inputs(table, system), StatedUnits(system)
+    stated = StatedUnits(system)
+    inputs = _inputs(table, system, stated)
     check_ignored(table, ignored)
     others = (*RESERVED, *time.columns, *system.inputs.values(), *ignored)
     columns = [column for column in table.columns if column not in others]
@@ -87,10 +89,10 @@ def episodes_of_table(
         check_recorded(sensors, columns, table, places)
     by_name = {sensor.name: sensor for sensor in sensors}
     sensors = [by_name[column] for column in columns]
-    _state_units(table, sensors, system, stated)
+    sensors, conversions = convert_sensors(sensors, table, places, stated)
     values = np.empty((len(table), len(sensors)))
-    for index, sensor in enumerate(sensors):
-        values[:, index] = table.numbers(sensor.name)
+    for index, (sensor, convert) in enumerate(zip(sensors, conversions, strict=True)):
+        values[:, index] = convert(table.numbers(sensor.name))
     times, parts = read_times(table, time, stated), _episode_rows(table)
     fewest = fewest_samples([part.count for part in parts])
 
@@ -115,18 +117,9 @@ def episodes_of_table(
     return Episodes(tuple(map(episode, parts)), tuple(left_out))
 
 
-def _state_units(
-    table: Columns, sensors: list[Sensor], system: SystemDescription, stated: StatedUnits
-) -> None:
-    """Record the units in the header."""
-    for name, column, what in (
-        *((name, column, f"the input {name}") for name, column in system.inputs.items()),
-        *((sensor.reads, sensor.name, f"sensor {sensor.name!r}") for sensor in sensors),
-    ):
-        stated.state(name, table.units.get(column), table.header_location(column), what)
-
-
-def _inputs(table: Columns, system: SystemDescription) -> dict[str, NDArray[np.float64]]:
+def _inputs(
+    table: Columns, system: SystemDescription, stated: StatedUnits
+) -> dict[str, NDArray[np.float64]]:
     """Return the columns of the system's inputs; NaN where a cell is empty."""
     found = {}
     for name, column in system.inputs.items():
@@ -136,6 +129,8 @@ def _inputs(table: Columns, system: SystemDescription) -> dict[str, NDArray[np.f
         found[column] = table.numbers(column)
         # An empty cell is filled later: inputs and sensors may have different clocks.
         check_input(name, column, np.nan_to_num(found[column], posinf=np.inf), table.location)
+        unit, where = table.units.get(column), table.header_location(column)
+        found[column] = stated.state(name, unit, where, f"the input {name}")(found[column])
     return found
 
 

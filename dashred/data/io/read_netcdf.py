@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dashred.core.errors import InputError, nearest
 from dashred.core.files.damaged_files import reading_errors
 from dashred.core.files.external_links import check_hdf5
-from dashred.core.units import TIME, check_unit
+from dashred.core.units import TIME, check_same_unit, check_unit
 from dashred.data.checks import (
     check_covered,
     check_input,
@@ -60,12 +60,13 @@ def episodes_of_dataset(dataset: xr.Dataset, path: str, system: SystemDescriptio
     """
     names = _texts(dataset, "name", path)
     check_names(names, path)
-    sensors = _sensors(dataset, names, system, path)
-    units = _units(dataset, sensors, system, path)
-    times = _numbers(dataset, "time", ("time",), path)
-    values = _numbers(dataset, "value", ("time", "sensor"), path)
+    stated = StatedUnits(system)
+    times = _converted(dataset, "time", ("time",), TIME, stated, path)
     parts = _episode_rows(dataset, "episode", "time", path)
-    inputs = _inputs(dataset, system, parts, path)
+    inputs = _inputs(dataset, stated, parts, path)
+    sensors = _sensors(dataset, names, stated, path)
+    values = _numbers(dataset, "value", ("time", "sensor"), path)
+    sensors, values = _convert_readings(dataset, sensors, values, stated, path)
     fewest = fewest_samples([part.count for part in parts])
 
     def episode(stretch: EpisodeRows, driven: InputSignals) -> Episode:
@@ -84,32 +85,51 @@ def episodes_of_dataset(dataset: xr.Dataset, path: str, system: SystemDescriptio
         )
         if driven.values:
             check_covered(recording.times, driven.times, f"{stretch.location(path)}, 'input_time'")
-        return Episode(stretch.name, replace(recording, inputs=driven, units=units))
+        return Episode(stretch.name, replace(recording, inputs=driven, units=stated.units))
 
     return Episodes(tuple(map(episode, parts, inputs)))
 
 
-def _units(
-    dataset: xr.Dataset, sensors: list[Sensor], system: SystemDescription, path: str
-) -> dict[str, str]:
-    """Return the units stated by the attributes ``units`` and the variable ``unit``."""
-    stated = StatedUnits(system)
-    for name, variable in (
-        (TIME, "time"),
-        (TIME, "input_time"),
-        *((axis.name, axis.name) for axis in system.axes),
-        *system.inputs.items(),
-    ):
-        what = "time" if name == TIME else name
-        stated.state(name, _attribute(dataset, variable, path), f"{path}, {variable!r}", what)
+def _convert_readings(
+    dataset: xr.Dataset,
+    sensors: list[Sensor],
+    values: NDArray[np.float64],
+    stated: StatedUnits,
+    path: str,
+) -> tuple[list[Sensor], NDArray[np.float64]]:
+    """Convert readings and noise to the units of the system.
+
+    The units are in the attribute ``units`` of the values and in the variable ``unit``.
+    """
     whole = _attribute(dataset, "value", path)
     own = _texts(dataset, "unit", path) if "unit" in dataset.variables else [""] * len(sensors)
-    for sensor, unit in zip(sensors, own, strict=True):
-        what = f"sensor {sensor.name!r}"
-        stated.state(sensor.reads, whole, f"{path}, 'value'", what)
-        where = f"{path}, 'unit' of {what}"
-        stated.state(sensor.reads, check_unit(unit, what, where) if unit else None, where, what)
-    return stated.units
+    converted, columns = [], []
+    for sensor, text, column in zip(sensors, own, values.T, strict=True):
+        what, unit, where = f"sensor {sensor.name!r}", whole, f"{path}, 'value'"
+        if text:
+            unit, where = text, f"{path}, 'unit' of {what}"
+            unit = check_unit(unit, what, where)
+            if whole is not None:
+                check_same_unit(what, unit, where, whole, f"{path}, 'value'")
+        convert = stated.state(sensor.reads, unit, where, what)
+        std = None if sensor.std is None else convert.factor * sensor.std
+        converted.append(replace(sensor, std=std))
+        columns.append(convert(column))
+    return converted, np.stack(columns, axis=1) if columns else values
+
+
+def _converted(
+    dataset: xr.Dataset,
+    variable: str,
+    dims: tuple[str, ...],
+    name: str,
+    stated: StatedUnits,
+    path: str,
+) -> NDArray[np.float64]:
+    """Return a variable in the unit that the system states for a name."""
+    what, where = "time" if name == TIME else name, f"{path}, {variable!r}"
+    convert = stated.state(name, _attribute(dataset, variable, path), where, what)
+    return convert(_numbers(dataset, variable, dims, path))
 
 
 def _attribute(dataset: xr.Dataset, variable: str, path: str) -> str | None:
@@ -167,7 +187,7 @@ def _episode_rows(dataset: xr.Dataset, name: str, clock: str, path: str) -> list
 
 
 def _inputs(
-    dataset: xr.Dataset, system: SystemDescription, parts: Sequence[EpisodeRows], path: str
+    dataset: xr.Dataset, stated: StatedUnits, parts: Sequence[EpisodeRows], path: str
 ) -> list[InputSignals]:
     """Return the inputs of every episode by column, on their own or on the recording's clock."""
     clock, input_parts = "time", list(parts)
@@ -179,9 +199,11 @@ def _inputs(
         problem = "the inputs and the samples have different episodes"
         hint = "use the same episodes in the same order for both"
         raise InputError(problem, where=f"{path}, 'input_episode'", hint=hint)
-    times = _numbers(dataset, clock, (clock,), path)
+    system = stated.system
+    times = _converted(dataset, clock, (clock,), TIME, stated, path)
     columns = {
-        column: _numbers(dataset, column, (clock,), path) for column in system.inputs.values()
+        column: _converted(dataset, column, (clock,), name, stated, path)
+        for name, column in system.inputs.items()
     }
     for name, column in system.inputs.items():
         check_input(name, column, columns[column], lambda at, of: _location(path, at, of))
@@ -252,14 +274,15 @@ def _numbers(dataset: xr.Dataset, name: str, dims: Sequence[str], path: str) -> 
     return np.array(values, dtype=np.float64, order="C")
 
 
-def _sensors(
-    dataset: xr.Dataset, names: list[str], system: SystemDescription, path: str
-) -> list[Sensor]:
+def _sensors(dataset: xr.Dataset, names: list[str], stated: StatedUnits, path: str) -> list[Sensor]:
+    system = stated.system
     reads = _texts(dataset, "reads", path)
     stds = np.full(len(names), np.nan)
     if "std" in dataset.variables:
         stds = _numbers(dataset, "std", ("sensor",), path)
-    places = [_numbers(dataset, axis.name, ("sensor",), path) for axis in system.axes]
+    places = [
+        _converted(dataset, axis.name, ("sensor",), axis.name, stated, path) for axis in system.axes
+    ]
     sensors = []
     for index, name in enumerate(names):
         position = tuple(float(place[index]) for place in places)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dashred.core.errors import InputError, nearest
 from dashred.core.stated_noise import parse_noise
-from dashred.core.units import check_unit
 from dashred.data.io.columns import Columns
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.sensors import Sensor, SystemDescription, check_names, check_sensor
@@ -26,11 +25,11 @@ def read_sensors(
     Args:
         table: with these columns.
         system: that has these sensors.
-        stated: takes note of the units in the table.
+        stated: takes note of the units of the axes; positions are converted to the system's.
 
     Raises:
         InputError: for a missing or unknown column, a repeated name, a sensor that does not fit
-            the system, or a unit that differs from the configuration.
+            the system, or a unit of an axis that cannot be converted.
     """
     axes = [axis.name for axis in system.axes]
     _check_columns(table, axes)
@@ -38,7 +37,10 @@ def read_sensors(
         raise InputError("the table has no sensors", where=table.path)
     names = table.texts("name")
     check_names(names, table.path)
-    positions = [table.numbers(axis) for axis in axes]
+    positions = [
+        stated.state(axis, table.units.get(axis), table.header_location(axis))(table.numbers(axis))
+        for axis in axes
+    ]
     stds = table.texts("std") if "std" in table.columns else [""] * len(names)
     sensors = []
     for row, (name, reads) in enumerate(zip(names, table.texts("field"), strict=True)):
@@ -49,22 +51,7 @@ def read_sensors(
             std, share = parse_noise(stds[row], f"the std of sensor {name!r}", where)
         sensors.append(Sensor(name, reads, position, std, share))
         check_sensor(sensors[-1], system, table.location(row))
-    _state_units(table, sensors, axes, stated)
     return tuple(sensors)
-
-
-def _state_units(
-    table: Columns, sensors: list[Sensor], axes: list[str], stated: StatedUnits
-) -> None:
-    for axis in axes:
-        stated.state(axis, table.units.get(axis), table.header_location(axis))
-    for row, sensor in enumerate(sensors):
-        what = f"sensor {sensor.name!r}"
-        if "unit" in table.columns and (unit := table.texts("unit")[row]):
-            where = table.location(row, "unit")
-            stated.state(sensor.reads, check_unit(unit, what, where), where, what)
-        where = table.header_location("std")
-        stated.state(sensor.reads, table.units.get("std"), where, f"the std of {what}")
 
 
 def _check_columns(table: Columns, axes: list[str]) -> None:

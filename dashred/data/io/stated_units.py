@@ -1,10 +1,13 @@
-"""Consistency of the units in a recording with the configuration and with each other."""
+"""Units in the files of a recording: values in another unit than the configuration's are converted.
+
+The unit of a quantity is that of the configuration, or else the first one in the recording.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from dashred.core.units import check_same_unit
+from dashred.core.unit_conversion import UNCHANGED, Conversion, conversion
 from dashred.data.sensors import SystemDescription
 
 
@@ -14,7 +17,8 @@ class StatedUnits:
 
     Attributes:
         system: with the units of the configuration.
-        units: by name in the equations; the unit of time is under ``t``.
+        units: by name in the equations; the unit of time is under ``t``. Values have these units
+            after conversion.
         places: location of the first statement of each unit.
     """
 
@@ -22,23 +26,27 @@ class StatedUnits:
     units: dict[str, str] = field(default_factory=dict)
     places: dict[str, str] = field(default_factory=dict)
 
-    def state(self, name: str, unit: str | None, where: str, what: str | None = None) -> None:
-        """Record the unit of a name; None records nothing.
+    def state(self, name: str, unit: str | None, where: str, what: str | None = None) -> Conversion:
+        """Record the unit of a name, and return how values in it are converted.
 
         Args:
             name: in the equations, or ``t``.
-            unit: as written.
+            unit: as written; None records nothing.
             where: file, line and column.
             what: description for error messages; the name by default.
 
         Raises:
-            InputError: the unit differs from the configuration, or from another statement in
-                the recording; the message gives both locations.
+            InputError: the unit cannot be converted to that of the configuration, or of another
+                statement in the recording; the message gives both locations.
         """
         if unit is None:
-            return
-        what, key = what or name, f"system.units.{name}"
-        check_same_unit(what, unit, where, self.system.units.get(name), self.system.where(key))
-        check_same_unit(what, unit, where, self.units.get(name), self.places.get(name, ""))
-        self.units.setdefault(name, unit)
+            return UNCHANGED
+        known, place = self.system.units.get(name), self.system.where(f"system.units.{name}")
+        if known is None and name in self.units:
+            known, place = self.units[name], self.places[name]
+        found = UNCHANGED
+        if known is not None:
+            found = conversion(what or name, unit, where, known, place)
+        self.units.setdefault(name, unit if known is None or found == UNCHANGED else known)
         self.places.setdefault(name, where)
+        return found

@@ -89,8 +89,8 @@ def read_times(table: Columns, column: TimeColumn, stated: StatedUnits) -> NDArr
     first = next((cell for cell in cells if cell), "")
     header = table.units.get(column.last)
     if not (CLOCK.fullmatch(first) or ISO.match(first) or LOCAL.fullmatch(first)):
-        stated.state(TIME, header, table.header_location(column.last), "time")
-        return table.numbers(column.last)
+        convert = stated.state(TIME, header, table.header_location(column.last), "time")
+        return convert(table.numbers(column.last))
     unit = stated.system.units.get(TIME, "s")
     if unit.strip().lower() not in SECONDS:
         problem = f"the recording has dates, but the unit of time is {unit!r}"

@@ -1,0 +1,50 @@
+"""The units of sensors in a table: in its header, or in the table of sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from dashred.core.unit_conversion import Conversion
+from dashred.core.units import check_same_unit, check_unit
+from dashred.data.io.columns import Columns
+from dashred.data.io.stated_units import StatedUnits
+from dashred.data.sensors import Sensor
+
+
+def convert_sensors(
+    sensors: Sequence[Sensor], table: Columns, places: Columns | None, stated: StatedUnits
+) -> tuple[list[Sensor], list[Conversion]]:
+    """Return the sensors with converted noise, and the conversion of the readings of each.
+
+    Args:
+        sensors: in the order of their columns.
+        table: the recording.
+        places: the table of sensors; None if there is none.
+        stated: takes note of the units.
+
+    Raises:
+        InputError: two units of one sensor differ, or a unit cannot be converted.
+    """
+    rows = {} if places is None else {name: i for i, name in enumerate(places.texts("name"))}
+    own_units = places.texts("unit") if places and "unit" in places.columns else []
+    unit_of_std = None if places is None else places.units.get("std")
+    converted, conversions = [], []
+    for sensor in sensors:
+        what, unit = f"sensor {sensor.name!r}", table.units.get(sensor.name)
+        where = table.header_location(sensor.name)
+        if own_units and places and (own := own_units[rows[sensor.name]]):
+            own_where = places.location(rows[sensor.name], "unit")
+            own = check_unit(own, what, own_where)
+            if unit is not None:
+                check_same_unit(what, unit, where, own, own_where)
+            unit, where = own, own_where
+        found = stated.state(sensor.reads, unit, where, what)
+        factor = found.factor
+        if unit_of_std is not None and places:
+            where = places.header_location("std")
+            factor = stated.state(sensor.reads, unit_of_std, where, f"the std of {what}").factor
+        std = None if sensor.std is None else factor * sensor.std
+        converted.append(replace(sensor, std=std))
+        conversions.append(found)
+    return converted, conversions
