@@ -11,9 +11,9 @@ from dashred.core.errors import InputError
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 
-# A lagged window, the fit window and the held-out window need at least this many samples.
+# All episodes together need at least this many samples: fewer cannot tell a law from noise.
 MIN_SAMPLES = 20
-# Beside an episode of that length, others may be shorter: they share the law with it.
+# An episode needs at least this many, for its fit window and its held-out end.
 MIN_EPISODE_SAMPLES = 6
 # A step between samples of an interpolated input that is this many times the median is a gap.
 MAX_INPUT_GAP = 5.0
@@ -59,7 +59,7 @@ def checked_recording(
 
 def fewest_samples(counts: Sequence[int]) -> int:
     """Return how many samples an episode needs, given the number of samples of all episodes."""
-    return MIN_EPISODE_SAMPLES if max(counts) >= MIN_SAMPLES else MIN_SAMPLES
+    return MIN_EPISODE_SAMPLES if sum(counts) >= MIN_SAMPLES else MIN_SAMPLES
 
 
 def check_input(

@@ -20,6 +20,7 @@ from dashred.data.io.reader import read_episodes
 from dashred.data.known_readings import subtract_known_readings
 from dashred.data.noise_level import noise_std
 from dashred.data.observation_operator import ObservationOperator
+from dashred.data.own_times import describe_times, has_uneven_times
 from dashred.data.recording import Recording
 from dashred.data.resampling import native_step, resample_all
 from dashred.data.splits import Split, hold_out_episode, split_recording
@@ -204,7 +205,11 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     every, snapshots = config.recording.every, _snapshots(system, read)
     if snapshots is not None:
         every = snapshots.clock_step(native_step(read.episodes[0].recording.times), every)
-    sampled, clock = resample_all(read, every)
+    # The integrators of fields need uniform steps, and SHRED of snapshots too.
+    if every is None and not system.axes and snapshots is None and has_uneven_times(read):
+        sampled, clock = read, describe_times(read)
+    else:
+        sampled, clock = resample_all(read, every)
     for clause in subtracted:
         clock = _with_clause(clock, clause)
     if read.left_out:

@@ -32,7 +32,8 @@ def stds(episodes: Episodes) -> list[float | None]:
 )
 def test_a_noise_is_a_number_or_a_share(given, found):
     std, share = parse_noise(given, "std", "here")
-    assert (std, share) == (pytest.approx(found[0]), pytest.approx(found[1]))
+    assert std == pytest.approx(found[0])
+    assert share == pytest.approx(found[1])
 
 
 @pytest.mark.parametrize("given", [0, -1, "x", "-5%", "%", "inf", "nan", True, [1], "1_0", None])

@@ -90,5 +90,5 @@ def test_units_of_either_side_hold_and_are_told(make_problem) -> None:
     for kind, words in told.items():
         fault = problem.fault_details(SensorFault(kind, "s1", 1.5, 0.1, 3.0))
         assert fault_text(fault, problem.system.units) == words
-    with pytest.raises(InputError, match="x is in cm here, but in m in command line"):
-        make_problem(traces(), "system.units.x=m", units={"x": "cm"})
+    with pytest.raises(InputError, match="x is in K here, but in m in command line"):
+        make_problem(traces(), "system.units.x=m", units={"x": "K"})

@@ -34,8 +34,8 @@ class Recording:
     what neither states is estimated from the readings."""
 
     every: Time | None
-    """Step between samples. Twins are sampled at this step; finer recordings are resampled to it;
-    null keeps the recording's own step."""
+    """Step between samples. Twins are sampled at this step; finer recordings are resampled to it.
+    Null keeps the recording's own step, and the times of an ODE recording as they are."""
 
     ignore: list[str]
     """Columns of a table that are not read. Without this list, a column that is neither a sensor

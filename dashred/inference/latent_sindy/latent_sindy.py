@@ -106,7 +106,7 @@ class LatentSindy:
         steps = self.forecasts(fields)
         assimilated = HistoryEncoder(exact, problem.operator, fields, problem.lags)
         plain = HistoryEncoder(exact.shred.encode, problem.operator, fields, problem.lags)
-        dt = float(problem.times[1] - problem.times[0])
+        dt = float(problem.times.diff().median())
         search = compressed_search(plain, fields, steps, self.columns, problem.scales)
         advancing = compressed_advancing(
             assimilated,

@@ -84,9 +84,9 @@ class CompiledRungeKutta:
         _integrate(
             self.kernel,
             saved,
-            np.array([step.t for step in steps]),
-            np.array([step.h for step in steps]),
-            np.array([step.ends for step in steps]),
+            np.array([step.t for step in steps], dtype=np.float64),
+            np.array([step.h for step in steps], dtype=np.float64),
+            np.array([step.ends for step in steps], dtype=np.bool_),
             np.ascontiguousarray(weights.numpy()),
             sampled_forcing.knots.numpy(),
             sampled_forcing.values.permute(1, 2, 0).contiguous().numpy(),

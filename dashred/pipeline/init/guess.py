@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dashred.core.errors import InputError
 from dashred.data.io.missing_sentinels import mask_sentinels
 from dashred.data.noise_level import noise_std
+from dashred.data.own_times import is_uneven
 from dashred.data.recording import Recording
 from dashred.data.resampling import coarser_step
 from dashred.data.time_scale import samples_per_change, suggested_step
@@ -20,6 +21,9 @@ from dashred.pipeline.init.start import start_expression
 
 # Spread of the start: at least this many σ of the noise, and for an ODE this share of the std.
 NOISE_FACTOR, STD_SHARE = 3.0, 0.1
+
+# A recording of an ODE system with uneven times and more samples than this is moved to a clock.
+MANY_SAMPLES = 3000
 
 
 @dataclass(frozen=True)
@@ -49,9 +53,7 @@ def guess_values(guessed: GuessedSystem, episodes: Sequence[Recording]) -> Guess
     episodes = [replace(episode, values=mask_sentinels(episode.values)) for episode in episodes]
     recording = longest_episode(episodes)
     noise = _noise(recording)
-    every = coarser_step(recording)
-    if every is None:
-        every = suggested_step(recording, samples_per_change(recording, noise))
+    every = _step(guessed, recording, noise)
     start, spread = {}, {}
     for field in guessed.fields:
         selected = [sensor.reads == field for sensor in recording.sensors]
@@ -78,6 +80,14 @@ def guess_values(guessed: GuessedSystem, episodes: Sequence[Recording]) -> Guess
         {} if guessed.axes else find_rates(recording),
         len(episodes),
     )
+
+
+def _step(guessed: GuessedSystem, recording: Recording, noise: NDArray[np.float64]) -> float | None:
+    """Return the time step of the analysis; None keeps the times of the recording."""
+    if not guessed.axes and is_uneven(recording.times) and len(recording.times) < MANY_SAMPLES:
+        return None
+    every = coarser_step(recording)
+    return every or suggested_step(recording, samples_per_change(recording, noise))
 
 
 def longest_episode(episodes: Sequence[Recording]) -> Recording:

@@ -28,6 +28,8 @@ from dashred.pipeline.trajectories import UNPREDICTABLE_GROWTH
 
 # Samples to which a state is fitted: two seconds of a pendulum at 20 Hz.
 FIT_SAMPLES = 40
+# But so many are fitted in any case, where forecasts are shorter than that.
+FEWEST_FITTED = 4
 STEPS, TOLERANCE = 30, 1e-8
 # A forecast ends when a small error of its start has grown by this factor, and at most this many
 # are made. Shorter forecasts than FEWEST_SAMPLES are not made.
@@ -73,7 +75,7 @@ def restart(
     forecasts = []
     for begin in range(first, last, span):
         end = min(begin + span, last)
-        known = slice(max(0, begin - min(FIT_SAMPLES, span)), begin)
+        known = slice(max(0, begin - max(FEWEST_FITTED, min(FIT_SAMPLES, span))), begin)
         window = replace(noise, available=noise.available[known])
         start = _analog(problem, corrected, values[known], window)
         runs = {

@@ -76,10 +76,19 @@ def test_marks_of_missing_values_do_not_widen_the_start(tmp_path: Path) -> None:
     assert guessed(40, 41, 90) == pytest.approx(guessed(), rel=0.05)
 
 
-def test_two_clocks_in_one_table_get_the_step_of_either(tmp_path: Path) -> None:
+def test_two_clocks_in_one_table_are_kept(tmp_path: Path) -> None:
     rows = [f"{0.1 * i:.3f},{i},\n{0.1 * i + 0.003:.3f},,{-i}\n" for i in range(100)]
     (tmp_path / "two.csv").write_text("time,u,v\n" + "".join(rows))
-    config, text = written(tmp_path, f"path={tmp_path / 'two.csv'}")
+    config, _ = written(tmp_path, f"path={tmp_path / 'two.csv'}")
+    assert config.recording.every is None
+
+
+def test_two_clocks_of_sensors_in_space_get_the_step_of_either(tmp_path: Path) -> None:
+    rows = [f"{0.1 * i:.3f},{i},\n{0.1 * i + 0.003:.3f},,{-i}\n" for i in range(100)]
+    (tmp_path / "two.csv").write_text("time,a,b\n" + "".join(rows))
+    (tmp_path / "places.csv").write_text("name,field,x\na,u,0.1\nb,u,0.7\n")
+    words = f"path={tmp_path / 'two.csv'}", f"sensors={tmp_path / 'places.csv'}"
+    config, text = written(tmp_path, *words)
     assert config.recording.every == pytest.approx(0.1)
     assert "uneven steps, or several clocks" in text
 
