@@ -199,9 +199,9 @@ def _significance(
 
 
 def _profile(times: Tensor, before: Tensor, after: Tensor, available: Tensor) -> Profile:
-    """Return the rms whitened residual at each time, or in each of 200 bins of time."""
-    bins = min(len(times), LONGEST_PROFILE)
-    groups = torch.tensor_split(torch.arange(len(times)), bins)
+    """Return the rms whitened residual at each time, or in at most 200 groups of samples."""
+    # All groups but the last have the same size, so that the curve has one roughness.
+    groups = torch.arange(len(times)).split(-(-len(times) // LONGEST_PROFILE))
     return Profile(
         times=[float(times[group].mean()) for group in groups],
         before=[_rms(before[group], available[group]) for group in groups],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
@@ -157,3 +158,13 @@ def test_an_empty_law_acts_nowhere(flow: System) -> None:
     assert where["equation"] == {"u": 0.0, "lam": 0.0}
     assert where["states"] is None and where["significance"] is None
     assert where["time"] == pytest.approx([0.0, 3.9])
+
+
+def test_a_long_profile_has_groups_of_one_size() -> None:
+    count = 2 * LONGEST_PROFILE - 79
+    readings, seen = torch.ones(count, 2), torch.ones(count, 2, dtype=torch.bool)
+    profile = _profile(torch.arange(float(count)), 3 * readings, readings, seen)
+    steps = np.diff(profile["times"])
+    assert len(profile["times"]) == (count + 1) // 2
+    np.testing.assert_allclose(steps[:-1], 2)
+    assert profile["before"] == pytest.approx([3.0] * len(profile["times"]))
