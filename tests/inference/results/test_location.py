@@ -12,7 +12,12 @@ from torch import Tensor
 from dashred.core.findings.law_schema import Where
 from dashred.inference.fit.law import Law
 from dashred.inference.hypotheses.result import Discovery
-from dashred.inference.results.location import law_tendency, locate
+from dashred.inference.results.location import (
+    LONGEST_PROFILE,
+    _profile,
+    law_tendency,
+    locate,
+)
 from dashred.inference.results.regime import active_states
 from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
