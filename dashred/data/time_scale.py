@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from dashred.data.recording import Recording
 from dashred.data.resampling import native_step
@@ -14,6 +15,11 @@ from dashred.data.resampling import native_step
 SAMPLES_PER_PERIOD = 16
 # A suggested step keeps at least this many samples.
 MIN_SAMPLES_KEPT = 100
+# A reading differs from its interpolation if it is farther away than this many noise σ, plus this
+# share of the std of its trace, which is the error of the interpolation itself.
+LOST, LOST_SHARE = 6.0, 0.02
+# A spline through fewer samples shows nothing.
+FEWEST_KEPT = 8
 # A trace that varies by less than this many noise σ has no measurable time scale.
 MIN_SIGNAL_TO_NOISE = 3.0
 
@@ -41,22 +47,50 @@ def samples_per_change(recording: Recording, noise: NDArray[np.float64]) -> dict
     return found
 
 
-def suggested_step(recording: Recording, lags: dict[str, int]) -> float | None:
+def suggested_step(
+    recording: Recording, lags: dict[str, int], noise: NDArray[np.float64]
+) -> float | None:
     """Return a round step of at most 1/16 of the fastest sensor's period.
 
-    The step leaves at least a hundred samples. The result is None if the step is shorter than
-    two steps of the recording.
+    The step leaves at least a hundred samples, and no change between its samples that is far above
+    the noise: a short transient may be all that shows a fast process. The result is None if the
+    step is shorter than two steps of the recording.
 
     Args:
         recording: sampled at nearly equal steps.
         lags: result of :func:`samples_per_change`.
+        noise: σ of each sensor, ``(sensor,)``, in its unit.
     """
     if not lags or min(lags.values()) < 2:
         return None
     own = native_step(recording.times)
     most = float(recording.times[-1] - recording.times[0]) / MIN_SAMPLES_KEPT
-    round_step = round_down(min(own * min(lags.values()), most))
-    return round_step if round_step >= 2 * own * (1 - 1e-9) else None
+    step = round_down(min(own * min(lags.values()), most))
+    while step >= 2 * own * (1 - 1e-9):
+        if not _loses_changes(recording, noise, round(step / own)):
+            return step
+        step = round_down(step / 2)
+    return None
+
+
+def _loses_changes(recording: Recording, noise: NDArray[np.float64], every: int) -> bool:
+    """Return whether each nth sample alone does not show what the others show.
+
+    The readings are interpolated between each nth sample, by a spline. Changes are lost if the
+    difference from two samples within one step is far above the noise.
+    """
+    limits = LOST * noise + LOST_SHARE * recording.trace_std()
+    for values, limit in zip(recording.values.T, limits, strict=True):
+        known = np.flatnonzero(~np.isnan(values))
+        kept = known[::every]
+        if len(kept) < FEWEST_KEPT:
+            continue
+        inside = known[known <= kept[-1]]
+        spline = CubicSpline(recording.times[kept], values[kept])
+        lost = np.abs(spline(recording.times[inside]) - values[inside]) > limit
+        if (lost[:-1] & lost[1:]).any():
+            return True
+    return False
 
 
 def round_down(value: float) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -25,10 +27,21 @@ def test_a_sixteenth_of_the_period_is_found_under_noise(period: float, noise: fl
 
 
 def test_the_suggested_step_is_round_and_no_coarser() -> None:
-    recording = wave(160.0, 0.0)
-    assert suggested_step(recording, {"y": 10}) == pytest.approx(5.0)
-    assert suggested_step(recording, {"y": 9}) == pytest.approx(2.0)
-    assert suggested_step(recording, {"y": 1}) is None
+    recording, noise = wave(160.0, 0.01), np.array([0.01])
+    assert suggested_step(recording, {"y": 10}, noise) == pytest.approx(5.0)
+    assert suggested_step(recording, {"y": 9}, noise) == pytest.approx(2.0)
+    assert suggested_step(recording, {"y": 1}, noise) is None
+
+
+@pytest.mark.parametrize("begin", [40, 45, 2000])
+def test_a_short_transient_is_not_thinned_away(begin: int) -> None:
+    """A switch rings for a few samples in a record of slow waves."""
+    recording, noise = wave(160.0, 0.01), np.array([0.01])
+    after = np.arange(4000) - begin
+    ringing = np.where(after >= 0, np.exp(-np.maximum(after, 0) / 6) * np.cos(after), 0.0)
+    values = recording.values + ringing[:, None]
+    step = suggested_step(replace(recording, values=values), {"y": 10}, noise)
+    assert step is None or step <= 1.0
 
 
 def test_where_nothing_but_noise_is_seen_nothing_is_timed() -> None:

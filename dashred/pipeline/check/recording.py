@@ -174,22 +174,30 @@ def _noise_remarks(recording: Recording, estimated: NDArray[np.float64]) -> Iter
     names = recording.names
     noisy = [n for n, share in zip(names, shares, strict=True) if share > NOISY]
     if noisy:
-        text = f"More than half of the variation is noise or unresolved: {shortened(noisy)}"
-        yield warning(text, "these sensors may be sampled too slowly")
+        text = f"More than half of the variation is from sample to sample: {shortened(noisy)}"
+        hint = "nothing is wrong if these sensors are quiet, or driven by something as fast; "
+        yield warning(text, f"{hint}otherwise sample faster")
     for sensor, sigma in zip(recording.sensors, estimated, strict=True):
         if sensor.std is not None and sigma > MAX_NOISE_RATIO * sensor.std:
-            text = f"{sensor.name}: stated std {sensor.std:.3g}, estimated std {sigma:.3g}"
-            yield warning(text, "leave std empty to have it estimated")
+            text = (
+                f"{sensor.name}: the stated std is {sensor.std:.3g}, but the readings change by "
+                f"{sigma:.3g} from sample to sample"
+            )
+            hint = "right if what is measured changes as fast; otherwise correct the std"
+            yield warning(text, hint)
 
 
 def _sampling_remarks(
     context: CheckContext, recording: Recording, estimated: NDArray[np.float64]
 ) -> Iterator[Remark]:
-    lags = samples_per_change(recording, np.nan_to_num(estimated))
+    stated = [sensor.std for sensor in recording.sensors]
+    noise = np.array([s if s is not None else e for s, e in zip(stated, estimated, strict=True)])
+    noise = np.nan_to_num(noise)
+    lags = samples_per_change(recording, noise)
     yield Remark(f"Analysis clock: {context.clock}")
     if context.config.recording.every is None and lags:
         fastest = min(lags, key=lambda name: lags[name])
-        step = suggested_step(recording, lags)
+        step = suggested_step(recording, lags, noise)
         if step is not None and step >= 4 * native_step(recording.times):
             yield warning(
                 f"The sampling is finer than needed: the fastest sensor, {fastest}, has "

@@ -87,7 +87,7 @@ def _step(guessed: GuessedSystem, recording: Recording, noise: NDArray[np.float6
     if not guessed.axes and is_uneven(recording.times) and len(recording.times) < MANY_SAMPLES:
         return None
     every = coarser_step(recording)
-    return every or suggested_step(recording, samples_per_change(recording, noise))
+    return every or suggested_step(recording, samples_per_change(recording, noise), noise)
 
 
 def longest_episode(episodes: Sequence[Recording]) -> Recording:
