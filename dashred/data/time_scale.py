@@ -15,9 +15,9 @@ from dashred.data.resampling import native_step
 SAMPLES_PER_PERIOD = 16
 # A suggested step keeps at least this many samples.
 MIN_SAMPLES_KEPT = 100
-# A reading differs from its interpolation if it is farther away than this many noise σ, plus this
-# share of the std of its trace, which is the error of the interpolation itself.
-LOST, LOST_SHARE = 6.0, 0.02
+# A change is lost if the reading is farther from its interpolation than this many noise σ, plus this
+# share of the std of its trace: smaller ones are faults of a sensor or errors of the interpolation.
+LOST, LOST_SHARE = 6.0, 0.1
 # A spline through fewer samples shows nothing.
 FEWEST_KEPT = 8
 # A trace that varies by less than this many noise σ has no measurable time scale.
