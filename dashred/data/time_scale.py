@@ -16,7 +16,7 @@ SAMPLES_PER_PERIOD = 16
 # A suggested step keeps at least this many samples.
 MIN_SAMPLES_KEPT = 100
 # A change is lost if a reading is farther from its interpolation than this many noise σ, plus this
-# share of the std of its trace. Smaller ones are faults of a sensor, or errors of the interpolation.
+# share of the std of its trace. Smaller ones are sensor faults, or errors of the interpolation.
 LOST, LOST_SHARE = 6.0, 0.1
 # A spline through fewer samples shows nothing.
 FEWEST_KEPT = 8
