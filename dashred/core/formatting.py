@@ -50,5 +50,6 @@ def with_error(value: float, std: float) -> str:
 
 
 def percent(share: float) -> str:
-    """Format a share as percent: ``39 %``."""
-    return f"{share:.0%}".replace("%", " %")
+    """Format a share as percent: ``39 %``; one digit of a share below one percent, ``0.4 %``."""
+    value = 100 * share
+    return f"{value:.1g} %" if 0 < abs(value) < 0.95 else f"{value:.0f} %"

@@ -36,3 +36,5 @@ def test_what_is_rounded_away_is_less_than_the_uncertainty(value: float, std: fl
 
 def test_numbers_alone_have_four_digits_and_a_true_minus() -> None:
     assert (number(-0.0351234), number(1e-7), percent(0.394)) == ("−0.03512", "1e−07", "39 %")
+    shares = (0.0, 0.0039, 0.0094, 0.0096, 0.996, 1.0)
+    assert [*map(percent, shares)] == ["0 %", "0.4 %", "0.9 %", "1 %", "100 %", "100 %"]
