@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import is_dataclass
 from functools import partial
@@ -238,6 +239,9 @@ def _merge_error(error: ValidationError, values: dict[str, Any], where: Where) -
 def _type_error(value: Any, kind: Any, key: str, where: Where) -> InputError:
     given = {dict: "a section of keys", list: "a list", type(None): "nothing"}
     got = given.get(type(value)) or repr(value)
+    if re.fullmatch(r"system\.inputs\.\w+", key):
+        what = f"{key} must be the name of a column, or a section of keys; got {got}"
+        return InputError(what, where=where(key), hint="for example {column: voltage, hold: true}")
     return InputError(f"{key} must be {describe_kind(kind)}; got {got}", where=where(key))
 
 

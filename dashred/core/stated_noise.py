@@ -8,7 +8,7 @@ from typing import Any
 
 from dashred.core.errors import InputError
 
-HINT = "give a number above 0, or a share of the std of the readings such as 5%"
+HINT = "for example 0.1, in the unit of the readings, or 5% of their standard deviation"
 
 
 def parse_noise(given: Any, what: str, where: str) -> tuple[float | None, float | None]:
@@ -31,5 +31,6 @@ def parse_noise(given: Any, what: str, where: str) -> tuple[float | None, float 
         with contextlib.suppress(ValueError):
             number = float(bare)
     if not 0 < number < math.inf:
-        raise InputError(f"{what} is {given!r}, but must be positive", where=where, hint=HINT)
+        problem = f"{what} is {given!r}, but must be a positive number or share"
+        raise InputError(problem, where=where, hint=HINT)
     return (None, number / 100) if is_share else (number, None)

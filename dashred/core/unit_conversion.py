@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from functools import cache
@@ -17,9 +18,8 @@ if TYPE_CHECKING:
 
 Values = TypeVar("Values", float, "NDArray[np.float64]")
 
-# Angles and cycles have no dimension, but 1 Hz is not 1 rad/s.
-ANGLES = frozenset({"rad", "deg", "°", "degree", "degrees", "radian", "radians", "turn", "turns"})
-CYCLES = frozenset({"rpm", "rev", "cycle", "cycles", "revolution", "revolutions"})
+# Names of units whose zero is not that of their scale. In a product they stand for differences.
+OFFSET_UNITS = ("degree_Celsius", "degree_Fahrenheit")
 
 
 @dataclass(frozen=True)
@@ -73,14 +73,17 @@ def _between(unit: str, other: str) -> Conversion | None:
     known, wanted = _known(unit), _known(other)
     if known is None or wanted is None or known.dimensionality != wanted.dimensionality:
         return None
-    if _turns(unit) != _turns(other):
-        return None
     registry = _registry()
     try:
-        zero, one = (
-            float(registry.Quantity(value, known).to(wanted).magnitude) for value in (0.0, 1.0)
+        if _angles(known) != _angles(wanted):
+            return None
+        zero, one, two = (
+            float(registry.Quantity(value, known).to(wanted).magnitude) for value in (0.0, 1.0, 2.0)
         )
-    except (pint.PintError, ArithmeticError):
+    except (pint.PintError, ArithmeticError, ValueError):
+        return None
+    if not math.isclose(two - zero, 2 * (one - zero), rel_tol=1e-6):
+        # A logarithmic unit, such as a decibel.
         return None
     # The difference of two absolute temperatures would round the factor.
     factor = one if zero == 0 else round(one - zero, 12)
@@ -91,22 +94,25 @@ def _known(unit: str) -> pint.Unit | None:
     """Return a unit of the registry; None if it does not contain one of the symbols."""
     import pint
 
-    found = _registry().Unit("")
-    for symbol, power in parse_unit(unit).powers:
+    found, powers = _registry().Unit(""), parse_unit(unit).powers
+    for symbol, power in powers:
         if not re.fullmatch(SYMBOL, symbol):
             # The parser of the registry reads any expression.
             return None
         try:
-            found *= _registry().parse_units(symbol) ** float(power)
+            each = _registry().parse_units(symbol)
+            if str(each) in OFFSET_UNITS and (len(powers) > 1 or power != 1):
+                each = _registry().parse_units(f"delta_{each}")
+            found *= each ** float(power)
         except (pint.PintError, AttributeError, ArithmeticError, TypeError, ValueError):
             return None
     return found
 
 
-def _turns(unit: str) -> float:
-    """Return the power of angles in a unit."""
-    powers = parse_unit(unit).powers
-    return sum(float(power) for symbol, power in powers if symbol.lower() in ANGLES | CYCLES)
+def _angles(unit: pint.Unit) -> float:
+    """Return the power of angles in a unit: they have no dimension, but 1 Hz is not 1 rad/s."""
+    root = _registry().get_root_units(unit)[1]
+    return float(str(dict(root._units).get("radian", 0)))
 
 
 @cache

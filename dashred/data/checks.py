@@ -65,7 +65,7 @@ def fewest_samples(counts: Sequence[int]) -> int:
 def check_input(
     name: str, column: str, values: NDArray[np.float64], place: Callable[[int, str], str]
 ) -> None:
-    """Check that an input is known at every sample.
+    """Check that the values of an input are known, and plausible.
 
     Args:
         name: of the input in the equations.
@@ -82,7 +82,7 @@ def check_input(
     found, where = float(values[bad[0]]), place(int(bad[0]), column)
     if found != found:
         problem = f"the input {name} is missing here"
-        hint = "fill the gap, or remove the row: inputs are interpolated linearly between rows"
+        hint = "fill the gap, or remove the sample"
         raise InputError(problem, where=where, hint=hint)
     size = "infinite" if np.isinf(found) else f"beyond {MAX_ABS_VALUE:g}"
     problem = f"the input {name} is {size} here"

@@ -20,7 +20,7 @@ from dashred.physics.system import System
 def drive_signals(system: System, config: Config, times: Tensor) -> InputSignals:
     """Sample the expressions of ``recording.drive``.
 
-    The signals are piecewise linear between samples for the recorder and the analysis alike.
+    Between samples the signals act alike for the recorder and the analysis.
 
     Args:
         system: the system with these inputs.
@@ -67,7 +67,7 @@ def with_inputs(system: System, inputs: InputSignals) -> System:
             raise InputError(
                 f"the input {name} acts after {own.delay:g}, but its samples span {span:g}",
                 where=system.where(f"system.inputs.{name}.delay"),
-                hint="give a delay that is shorter, in the unit of time of the system",
+                hint="give a shorter delay; it is in the unit of time of the system",
             )
     curves = {
         name: act(inputs.times, inputs.values[column], declared[name].hold, declared[name].delay)

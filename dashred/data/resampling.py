@@ -169,7 +169,10 @@ def _clock(times: NDArray[np.float64], own: float, step: float, fewest: int) -> 
     count = int(np.floor((times[-1] - times[0]) / step + CLOCK_TOLERANCE)) + 1
     if count < fewest:
         problem = f"a step of {step:g} leaves {count} samples: at least {fewest} are needed"
-        hint = f"set recording.every to {(times[-1] - times[0]) / fewest:.3g} or less"
+        most = (times[-1] - times[0]) / fewest
+        hint = f"set recording.every to {most:.3g} or less"
+        if most < own:
+            hint = "leave out recording.every"
         raise InputError(problem, where="recording.every", hint=hint)
     if count > MAX_SAMPLES:
         problem = f"a step of {step:.6g} from {times[0]:g} to {times[-1]:g} gives {count} samples"

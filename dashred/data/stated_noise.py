@@ -38,23 +38,26 @@ def with_noise_of_sensors(episodes: Episodes, stated: Any, where: str) -> Episod
     return _with_sensors(episodes, sensors)
 
 
-def resolve_shares(episodes: Episodes, held_out: float) -> Episodes:
+def resolve_shares(episodes: Episodes, fitted: int, held_out: float) -> Episodes:
     """Return a recording in which every stated noise is in units.
 
-    The std of the readings is the rms over the episodes, each without its held-out end.
+    The std of the readings is the rms over the fitted episodes in which the sensor changes, each
+    without its held-out end.
 
     Args:
         episodes: the recording.
+        fitted: number of episodes, from the first, that are not held out as a whole.
         held_out: share of each episode, at its end, that is held out.
     """
     if all(sensor.std_share is None for sensor in episodes.sensors):
         return episodes
     stds = []
-    for part in episodes.episodes:
+    for part in episodes.episodes[:fitted]:
         times = part.recording.times
         end = float(times[0] + (1 - held_out) * (times[-1] - times[0]))
         stds.append(part.recording.between(float(times[0]), end).trace_std())
-    size = np.sqrt(np.square(stds).mean(axis=0))
+    changing = np.maximum((np.array(stds) > 0).sum(axis=0), 1)
+    size = np.sqrt(np.square(stds).sum(axis=0) / changing)
     sensors = []
     for sensor, std in zip(episodes.sensors, size.tolist(), strict=True):
         # A sensor that stays constant has no scale: its noise counts as unknown.

@@ -17,7 +17,7 @@ State = TypeVar("State", float, "Tensor")
 
 
 # Distance of the first and the last stage from the ends of a step, as a share of the step.
-INSIDE = 1e-6
+INSIDE = 1e-4
 
 
 @dataclass(frozen=True)

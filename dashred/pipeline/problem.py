@@ -196,10 +196,8 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     library = build_library(system, config.library)
     read = read_recorded(config, system) if recorded is None else recorded
     sha256 = read.sha256()
-    stated = with_noise_of_sensors(read, config.recording.std, config.where("recording.std"))
-    read = resolve_shares(stated, config.splits.time.test)
-    system, read, subtracted = subtract_known_readings(system, read)
-    # The system and the recording may each state units. The reader has checked that they agree.
+    system, read, subtracted = with_readings_of_state(config, system, read)
+    # The system and the recording may each state units. The reader has converted the values.
     units = {**read.episodes[0].recording.units, **system.units}
     system = system.with_config(replace(system.config, units=units))
     every, snapshots = config.recording.every, _snapshots(system, read)
@@ -220,10 +218,9 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
             times = part.recording.times
             _check_steps(config, float(times[-1] - times[0]), system.dt)
             splits.append(split_recording(part.recording, config.splits, config.seed))
-    held_out = len(splits) >= FEWEST_TO_HOLD_OUT
     raw = [episode.recording for episode in read.episodes]
-    fitted = len(splits) - held_out
-    if held_out:
+    fitted = _fitted_count(read)
+    if fitted < len(splits):
         splits[-1] = hold_out_episode(sampled.episodes[-1].recording, splits[-1])
     noise = _noise(raw[:fitted], splits[:fitted])
     if not states_time_step(system):
@@ -257,6 +254,33 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
 def _with_clause(sentence: str, clause: str) -> str:
     """Return a sentence with one clause more."""
     return f"{sentence.rstrip('.')}; {clause}."
+
+
+def with_readings_of_state(
+    config: Config, system: System, read: Episodes
+) -> tuple[System, Episodes, list[str]]:
+    """Return a recording with its stated noise, of sensors that read the state alone.
+
+    Args:
+        config: may state the noise.
+        system: the simulator.
+        read: the recording as it was read.
+
+    Returns:
+        The system, the recording, and clauses as of :func:`subtract_known_readings`.
+
+    Raises:
+        InputError: the noise is invalid, or a sensor reads more than can be subtracted.
+    """
+    stated = with_noise_of_sensors(read, config.recording.std, config.where("recording.std"))
+    stated = resolve_shares(stated, _fitted_count(read), config.splits.time.test)
+    return subtract_known_readings(system, stated)
+
+
+def _fitted_count(read: Episodes) -> int:
+    """Return the number of episodes that are not held out as a whole."""
+    count = len(read.episodes)
+    return count - (count >= FEWEST_TO_HOLD_OUT)
 
 
 def read_recorded(config: Config, system: System) -> Episodes:

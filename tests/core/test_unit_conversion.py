@@ -28,6 +28,9 @@ def convert(unit: str, other: str):
         ("L/min", "m3/s", 60000.0, 1.0),
         ("%", "1", 50.0, 0.5),
         ("h", "s", 1.0, 3600.0),
+        ("mrad", "rad", 1.0, 1e-3),
+        ("krpm", "rad/s", 0.06, 2 * np.pi),
+        ("°C/min", "K/s", 60.0, 1.0),
         ("kWh", "J", 1.0, 3.6e6),
         ("W/(m2 K)", "W/(cm2 K)", 1.0, 1e-4),
     ],
@@ -46,7 +49,19 @@ def test_the_same_unit_changes_nothing():
 
 @pytest.mark.parametrize(
     ("unit", "other"),
-    [("m", "s"), ("Hz", "rad/s"), ("rpm", "Hz"), ("widgets", "m"), ("degC/s", "K/s"), ("rad", "1")],
+    [
+        ("m", "s"),
+        ("widgets", "m"),
+        ("Hz", "rad/s"),
+        ("rpm", "Hz"),
+        ("krpm", "Hz"),
+        ("rps", "Hz"),
+        ("gon/s", "Hz"),
+        ("mrad/s", "1/s"),
+        ("rad", "1"),
+        ("dB", "1"),
+        ("dBm", "mW"),
+    ],
 )
 def test_units_of_other_quantities_are_refused(unit, other):
     with pytest.raises(InputError, match=f"u is in {unit} here, but in {other} in there"):

@@ -38,17 +38,25 @@ def test_a_noise_is_a_number_or_a_share(given, found):
 
 @pytest.mark.parametrize("given", [0, -1, "x", "-5%", "%", "inf", "nan", True, [1], "1_0", None])
 def test_anything_else_is_refused(given):
-    with pytest.raises(InputError, match=r"std is .* but must be positive"):
+    with pytest.raises(InputError, match=r"std is .* but must be a positive number"):
         parse_noise(given, "std", "here")
 
 
 def test_shares_are_of_the_readings_before_the_held_out_end():
     sensors = Sensor("a", "u", (), None, 0.1), Sensor("b", "u", (), 0.3)
     parts = Episode("1", recorded(*sensors)), Episode("2", recorded(*sensors, level=7.0))
-    found = resolve_shares(Episodes(parts), 0.2)
+    found = resolve_shares(Episodes(parts), 2, 0.2)
     # The rms over episodes of the std: sqrt((1 + 49) / 2) = 5.
     assert stds(found) == [pytest.approx(0.5), 0.3]
     assert all(sensor.std_share is None for sensor in found.sensors)
+
+
+def test_an_episode_that_is_held_out_as_a_whole_is_not_read():
+    sensor = Sensor("a", "u", (), None, 0.1)
+    still = Recording((sensor,), TIMES, np.ones((100, 1)))
+    parts = (Episode("1", recorded(sensor)), Episode("2", still), Episode("3", recorded(sensor)))
+    held_out = Episode("4", recorded(sensor, level=1e3))
+    assert stds(resolve_shares(Episodes((*parts, held_out)), 3, 0.2)) == [pytest.approx(0.1)]
 
 
 def test_the_configuration_overrides_by_sensor_and_by_quantity():
@@ -65,4 +73,4 @@ def test_the_configuration_overrides_by_sensor_and_by_quantity():
 
 def test_a_share_of_a_constant_sensor_is_unknown():
     still = Recording((Sensor("a", "u", (), None, 0.1),), TIMES, np.ones((100, 1)))
-    assert stds(resolve_shares(Episodes((Episode("", still),)), 0.2)) == [None]
+    assert stds(resolve_shares(Episodes((Episode("", still),)), 1, 0.2)) == [None]

@@ -27,7 +27,7 @@ class Recording:
     duration: Time
     """For twins: length of the recording."""
 
-    std: Any = None
+    std: Any
     """Standard deviation of the noise of the sensors of the user's own recording: a number in the
     unit of what they read, or a share of the standard deviation of their readings such as 5%. One
     for all sensors, or by name of a sensor or of what it reads. It overrides the table of sensors;

@@ -30,8 +30,9 @@ from dashred.data.io.sensor_units import convert_sensors
 from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.io.time_column import find_time_column, read_times
+from dashred.data.recording import Recording
 from dashred.data.sensors import RESERVED, Sensor, SystemDescription, observable_names
-from dashred.physics.backends.input_signals import NO_INPUTS, InputSignals
+from dashred.physics.backends.input_signals import InputSignals
 
 
 def read_csv(
@@ -110,9 +111,14 @@ def episodes_of_table(
             place=place,
             fewest=fewest,
         )
-        own = {column: found[rows] for column, found in inputs.items()}
-        driven = _driven(times[rows], own, system, stretch.location(path))
-        return Episode(stretch.name, replace(recording, inputs=driven, units=stated.units))
+        recording = replace(recording, units=stated.units)
+        if inputs:
+            own = {column: found[rows] for column, found in inputs.items()}
+            recording = _driven(recording, own, system, stretch.location(path))
+            if len(recording.times) < fewest:
+                problem = f"{len(recording.times)} rows with readings are too few: at least "
+                raise InputError(f"{problem}{fewest} are needed", where=stretch.location(path))
+        return Episode(stretch.name, recording)
 
     return Episodes(tuple(map(episode, parts)), tuple(left_out))
 
@@ -121,33 +127,44 @@ def _inputs(
     table: Columns, system: SystemDescription, stated: StatedUnits
 ) -> dict[str, NDArray[np.float64]]:
     """Return the columns of the system's inputs; NaN where a cell is empty."""
-    found = {}
+    found: dict[str, NDArray[np.float64]] = {}
     for name, column in system.inputs.items():
         if column not in table.columns:
             problem = f"the recording has no column {column!r} for the input {name}"
             raise InputError(problem, where=table.path, hint=nearest(column, table.columns))
-        found[column] = table.numbers(column)
+        values = table.numbers(column)
         # An empty cell is filled later: inputs and sensors may have different clocks.
-        check_input(name, column, np.nan_to_num(found[column], posinf=np.inf), table.location)
+        known = np.nan_to_num(values, posinf=np.inf, neginf=-np.inf)
+        check_input(name, column, known, table.location)
         unit, where = table.units.get(column), table.header_location(column)
-        found[column] = stated.state(name, unit, where, f"the input {name}")(found[column])
+        values = stated.state(name, unit, where, f"the input {name}")(values)
+        if column in found and not np.array_equal(found[column], values, equal_nan=True):
+            problem = f"two inputs read the column {column!r} in different units"
+            raise InputError(problem, where=where, hint="state one unit for both in system.units")
+        found[column] = values
     return found
 
 
 def _driven(
-    times: NDArray[np.float64],
+    recording: Recording,
     columns: dict[str, NDArray[np.float64]],
     system: SystemDescription,
     path: str,
-) -> InputSignals:
-    """Return the inputs of one episode at the rows in which at least one has a value.
+) -> Recording:
+    """Return one episode with its inputs.
+
+    A row may contain a reading, an input, or both. The rows of the inputs are those in which at
+    least one has a value, and the samples are the rows in which at least one sensor has.
 
     Raises:
         InputError: an input has no value, or begins after the episode or ends before it.
     """
-    if not columns:
-        return NO_INPUTS
+    times = recording.times
+    seen = ~np.isnan(recording.values).all(axis=1)
+    samples = replace(recording, times=times[seen], values=recording.values[seen])
     rows = ~np.all([np.isnan(values) for values in columns.values()], axis=0)
+    # A held input may have its last value long before the end.
+    rows[-1] |= any(column in system.held_inputs for column in columns)
     filled = {}
     for column, values in columns.items():
         where, hold = f"{path}, column {column!r}", column in system.held_inputs
@@ -157,9 +174,11 @@ def _driven(
         if not hold:
             check_gaps(times, values, where)
         known = fill_gaps(times, values, hold)
-        check_covered(times, times[~np.isnan(known)], where)
-        filled[column] = known[rows]
-    return InputSignals(times[rows], filled)
+        available = np.flatnonzero(~np.isnan(known))
+        check_covered(samples.times, times[available], where)
+        # Before its first and after its last value, outside of the samples, an input stays.
+        filled[column] = np.interp(times, times[available], known[available])[rows]
+    return replace(samples, inputs=InputSignals(times[rows], filled))
 
 
 def _episode_rows(table: Columns) -> list[EpisodeRows]:

@@ -101,7 +101,7 @@ def _convert_readings(
 
     The units are in the attribute ``units`` of the values and in the variable ``unit``.
     """
-    whole = _attribute(dataset, "value", path)
+    whole, unit_of_std = (_attribute(dataset, name, path) for name in ("value", "std"))
     own = _texts(dataset, "unit", path) if "unit" in dataset.variables else [""] * len(sensors)
     converted, columns = [], []
     for sensor, text, column in zip(sensors, own, values.T, strict=True):
@@ -112,7 +112,11 @@ def _convert_readings(
             if whole is not None:
                 check_same_unit(what, unit, where, whole, f"{path}, 'value'")
         convert = stated.state(sensor.reads, unit, where, what)
-        std = None if sensor.std is None else convert.factor * sensor.std
+        factor = convert.factor
+        if unit_of_std is not None:
+            of_std = f"the std of {what}"
+            factor = stated.state(sensor.reads, unit_of_std, f"{path}, 'std'", of_std).factor
+        std = None if sensor.std is None else factor * sensor.std
         converted.append(replace(sensor, std=std))
         columns.append(convert(column))
     return converted, np.stack(columns, axis=1) if columns else values
@@ -128,7 +132,11 @@ def _converted(
 ) -> NDArray[np.float64]:
     """Return a variable in the unit that the system states for a name."""
     what, where = "time" if name == TIME else name, f"{path}, {variable!r}"
-    convert = stated.state(name, _attribute(dataset, variable, path), where, what)
+    unit = _attribute(dataset, variable, path)
+    if unit is None and variable == "input_time":
+        # Both clocks count in one unit, unless they say otherwise.
+        unit = _attribute(dataset, "time", path)
+    convert = stated.state(name, unit, where, what)
     return convert(_numbers(dataset, variable, dims, path))
 
 

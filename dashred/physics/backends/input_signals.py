@@ -1,6 +1,6 @@
 """Measured inputs of a system, interpolated linearly between samples.
 
-The first and the last sample are held outside of the recording.
+The first and the last value are held outside of the recording.
 """
 
 from __future__ import annotations

@@ -12,14 +12,18 @@ from dashred.config import Config
 from dashred.core.errors import InputError
 from dashred.data.episodes import Episodes
 from dashred.data.inputs import drive_signals, with_inputs
-from dashred.data.known_readings import subtract_known_readings
 from dashred.data.recording import Recording
 from dashred.data.sensor_layout import place_sensors
 from dashred.data.sensors import Sensor
 from dashred.data.splits import Split, split_recording
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
-from dashred.pipeline.problem import Problem, build_problem, read_recorded
+from dashred.pipeline.problem import (
+    Problem,
+    build_problem,
+    read_recorded,
+    with_readings_of_state,
+)
 
 # Random stream for sensor positions. It is separate from the twins' streams, so that a check says
 # nothing about the sensors of a twin.
@@ -90,7 +94,7 @@ def build_check_context(config: Config, recorded: Episodes | None = None) -> Che
     if recorded is None:
         recorded = read_recorded(config, System(config.system, config.where))
     problem = build_problem(config, recorded)
-    _, recorded, _ = subtract_known_readings(System(config.system, config.where), recorded)
+    _, recorded, _ = with_readings_of_state(config, System(config.system, config.where), recorded)
     recordings = {episode.name: episode.recording for episode in recorded.episodes}
     return CheckContext(
         config,

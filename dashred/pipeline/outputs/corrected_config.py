@@ -21,7 +21,7 @@ from dashred.reporting.wording.findings_text import law_text
 NAME = "corrected.yaml"
 # Keys that belong to one run or to one recording. The corrected system does not depend on them.
 RUN_KEYS = ("output", "tracking")
-RECORDING_KEYS = ("twin", "path", "sensors", "noise", "duration", "reads")
+RECORDING_KEYS = ("twin", "path", "sensors", "noise", "std", "duration", "ignore", "reads")
 WIDTH = 96
 
 
@@ -73,19 +73,29 @@ def _user_values(config: Config) -> dict[str, Any]:
     values = deepcopy(config.written)
     checked = asdict(config)
     checked["system"]["class"] = checked["system"].pop("class_")
-    for key, line in config.lines.items():
-        if key and line == config.override_place and "[" not in key:
-            _put(values, key.split("."), _get(checked, key.split(".")))
+    # A text in place of the section of an input is its column.
+    inputs = values.get("system", {}).get("inputs", {})
+    for name, given in inputs.items():
+        inputs[name] = {"column": given} if isinstance(given, str) else given
     for key in RUN_KEYS:
         values.pop(key, None)
     recording = values.get("recording", {})
     for key in RECORDING_KEYS:
         recording.pop(key, None)
-    if not recording:
+    for key, line in config.lines.items():
+        if key and line == config.override_place and "[" not in key:
+            parts = key.split(".")
+            if parts[0] not in RUN_KEYS and not _belongs_to_recording(parts):
+                _put(values, parts, _get(checked, parts))
+    if not values.get("recording", {}):
         values.pop("recording", None)
     # By default the experiment would have the name of the file, "corrected".
     values["tracking"] = {"experiment": config.tracking.experiment or config.name}
     return values
+
+
+def _belongs_to_recording(parts: list[str]) -> bool:
+    return parts[0] == "recording" and (len(parts) < 2 or parts[1] in RECORDING_KEYS)
 
 
 def _header(config: Config, system: System, law: Law, recording_sha256: str, remark: str) -> str:

@@ -64,7 +64,8 @@ def test_inputs_and_sensors_have_their_own_rows(driven, write):
     rows += [f"{0.1 * i - 0.05:.2f},,,{i}" for i in range(31)]
     rows.sort(key=lambda row: float(row.split(",")[0]))
     recording = read_recording(write("r.csv", "\n".join(["time,u,v,power", *rows])), None, driven)
-    assert len(recording.inputs.times) == 31 and len(recording.times) == 61
+    assert len(recording.inputs.times) == 31 and len(recording.times) == 30
+    assert not np.isnan(recording.values).any()
     found = np.interp(0.1, recording.inputs.times, recording.inputs.values["power"])
     assert found == pytest.approx(1.5)
 
@@ -95,8 +96,19 @@ def test_a_held_input_keeps_its_last_value(ode, write):
     held = replace(ode, inputs={"e": "power"}, held_inputs=("power",))
     rows = [f"{i},{i},{-i},{i if i in (0, 3, 20) else ''}" for i in range(25)]
     recording = read_recording(write("r.csv", "\n".join(["time,u,v,power", *rows])), None, held)
-    np.testing.assert_array_equal(recording.inputs.values["power"], [0, 3, 20])
-    np.testing.assert_array_equal(recording.inputs.times, [0, 3, 20])
+    np.testing.assert_array_equal(recording.inputs.values["power"], [0, 3, 20, 20])
+    np.testing.assert_array_equal(recording.inputs.times, [0, 3, 20, 24])
+
+
+def test_one_column_may_be_two_inputs(ode, write):
+    """The second acts later, say."""
+    two = replace(ode, inputs={"e": "power", "late": "power"})
+    recording = read_recording(write("r.csv", lines()), None, two)
+    assert list(recording.inputs.values) == ["power"]
+    units = replace(two, units={"e": "W", "late": "mW"})
+    text = lines().replace("power", "power [W]")
+    with pytest.raises(InputError, match="two inputs read the column 'power' in different units"):
+        read_recording(write("s.csv", text), None, units)
 
 
 @pytest.mark.parametrize(("cell", "says"), {"inf": "infinite", "1e300": "beyond 1e\\+100"}.items())

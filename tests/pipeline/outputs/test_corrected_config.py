@@ -187,3 +187,26 @@ def test_a_port_hamiltonian_system_with_another_parameter_keeps_its_structure(
     write_corrected(tmp_path / "corrected.yaml", config, system, law, "abc")
     again, _ = load(tmp_path / "corrected.yaml")
     assert again.system.structure == config.system.structure
+
+
+def test_settings_of_an_input_on_the_command_line_are_kept(tmp_path: Path) -> None:
+    path = tmp_path / "driven.yaml"
+    path.write_text("""
+system:
+  title: capacitor
+  fields: {q: charge}
+  inputs: {e: voltage}
+  equations: {q: e - q}
+  start: {q: 0}
+  spread: {q: 0.1}
+  integrator: {dt: 0.05}
+recording: {path: my.csv, std: 5%}
+""")
+    words = "system.inputs.e.hold=true", "recording.std.q=7%", "discovery.weak=2"
+    config = load_config([f"conf={path}", *words], entry="train")
+    system = System(config.system, config.where)
+    law = laws.law([laws.term(system, "q", "q**2")], [0.5])
+    write_corrected(tmp_path / "corrected.yaml", config, system, law, "ab" * 32)
+    again, corrected = load(tmp_path / "corrected.yaml")
+    assert corrected.config.inputs["e"].hold and corrected.inputs == {"e": "voltage"}
+    assert again.recording.std is None
