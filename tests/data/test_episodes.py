@@ -36,7 +36,8 @@ def several(draw, inputs=False):
         steps = draw(st.lists(st.floats(0.01, 10), min_size=count, max_size=count))
         times = draw(st.floats(-100, 100)) + np.cumsum(steps)
         values = np.array(draw(st.lists(st.tuples(VALUES, VALUES), min_size=count, max_size=count)))
-        values[0] = 1.0
+        # Each sensor has a value, and enough rows have a reading.
+        values[:6] = 1.0
         force = {"force": np.linspace(0, len(parts), count)} if inputs else {}
         parts.append(Episode(name, Recording(SENSORS, times, values, InputSignals(times, force))))
     return Episodes(tuple(parts))
@@ -63,11 +64,19 @@ def assert_same(read: Episodes, given: Episodes) -> None:
         )
 
 
+def with_readings(part: Episode) -> Episode:
+    """Return an episode without the rows that contain an input alone; the input keeps them."""
+    seen = ~np.isnan(part.recording.values).all(axis=1)
+    times, values = part.recording.times[seen], part.recording.values[seen]
+    return Episode(part.name, replace(part.recording, times=times, values=values))
+
+
 @MANY
 @given(episodes=several(inputs=True))
 def test_a_table_of_episodes_is_read_as_it_was_written(ode, write, episodes):
     driven = replace(ode, inputs={"f": "force"})
-    assert_same(read_episodes(write("r.csv", as_csv(episodes)), None, driven), episodes)
+    read = read_episodes(write("r.csv", as_csv(episodes)), None, driven)
+    assert_same(read, Episodes(tuple(map(with_readings, episodes.episodes))))
 
 
 @MANY
