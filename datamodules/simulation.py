@@ -35,7 +35,7 @@ class SimulationDataModule(LightningDataModule):
         noise: std of each input sensor, ``(sensor,)``.
         lags: number of past samples in a window.
         modes: number of POD modes.
-        held_out: number of members that are not trained on; at most half of them.
+        held_out: number of members that are not trained on.
         batch: sequences per training batch.
         seed: of the order of the batches and of the noise on held-out members.
     """
@@ -55,8 +55,6 @@ class SimulationDataModule(LightningDataModule):
         self.ensemble, self.operator, self.noise = ensemble, operator, noise
         self.lags, self.batch, self.seed = lags, batch, seed
         members = len(ensemble.states)
-        # Simulations that diverged are not members.
-        held_out = min(held_out, members // 2)
         self.members = {
             "train": range(members - held_out),
             "validation": range(members - held_out, members - held_out // 2),

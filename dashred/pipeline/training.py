@@ -88,13 +88,15 @@ def train_shred(
     values = len(problem.system.fields) * math.prod(problem.system.grid.shape)
     size = network_size(values, settings.latent, settings.decoder, settings.epochs)
     fit = problem.split.fit.select(problem.split.inputs)
+    # The ensemble may have lost members that diverge.
+    members, held_out = len(ensemble.states), problem.config.simulation.held_out
     data = SimulationDataModule(
         ensemble,
         problem.operator(fit),
         problem.noise_of(fit.names),
         settings.lags,
         settings.modes,
-        problem.config.simulation.held_out,
+        held_out if held_out < members else members // 2,
         settings.batch,
         problem.config.seed,
     )

@@ -97,9 +97,9 @@ def test_wrong_datasets(quick: Path, recorded: xr.Dataset, change: Change, says:
 
 
 def test_a_unit_that_disagrees(recorded: xr.Dataset, quick: Path) -> None:
-    wrong = recorded.assign_coords(time=recorded["time"].assign_attrs(units="min"))
+    wrong = recorded.assign_coords(time=recorded["time"].assign_attrs(units="m"))
     units = {"system": {"units": {"t": "s"}}}
-    with pytest.raises(dashred.InputError, match=r"recording, 'time': time is in min"):
+    with pytest.raises(dashred.InputError, match=r"recording, 'time': time is in m here"):
         dashred.Problem.from_yaml(quick, recording=wrong, overrides=units)
 
 
@@ -126,7 +126,7 @@ FrameChange = Callable[[pd.DataFrame], Any]
         ),
         (lambda df: df.assign(time=df["time"].to_numpy()[::-1]), r"iloc\[1\].*time decreases"),
         (lambda df: pd.concat([df, df[["theta"]]], axis=1), "'theta' occurs twice"),
-        (lambda df: df.rename(columns={"theta": "theta [deg]"}), "sensor 'theta' is in deg"),
+        (lambda df: df.rename(columns={"theta": "theta [m]"}), "sensor 'theta' is in m here"),
         (lambda df: df.rename(columns={"theta": "thet"}), "(.|\n)*did you mean theta"),
         (lambda df: df.rename(columns={"theta": ""}), "column 2 has no name"),
         (lambda df: df[["time"]], "the recording has no sensor"),
