@@ -43,7 +43,7 @@ def prepare(source: Source, *, folder: Path) -> Source:
         InputError: an unknown key, a value of the wrong shape, or an invalid number.
     """
     where = where_in(source.lines)
-    values = _coerce(_written_out(source.values), Settings, "", where)
+    values = _coerce(written_out(source.values), Settings, "", where)
     for key in PATHS:
         settled = store_root if key == "tracking.root" else absolute_path
         _edit(values, key, partial(settled, folder=folder, where=where(key)))
@@ -197,8 +197,11 @@ def evaluate(text: str, key: str, where: Where) -> float:
         raise InputError(what, where=error.where, hint=error.hint) from None
 
 
-def _written_out(values: dict[str, Any]) -> dict[str, Any]:
-    """Write out short forms: the twin called null, which YAML reads as None, and inputs."""
+def written_out(values: dict[str, Any]) -> dict[str, Any]:
+    """Return a layer with its short forms written out.
+
+    They are the twin called null, which YAML reads as None, and a column in place of an input.
+    """
     recording, system = values.get("recording"), values.get("system")
     if isinstance(recording, dict) and "twin" in recording and recording["twin"] is None:
         values = values | {"recording": recording | {"twin": "null"}}

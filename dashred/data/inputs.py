@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from dashred.config import Config
@@ -11,7 +14,7 @@ from dashred.core.errors import InputError
 from dashred.data.input_action import act
 from dashred.physics.backends.input_signals import NO_INPUTS, InputSignals
 from dashred.physics.backends.torch_backend import Program
-from dashred.physics.expressions.algebra import names
+from dashred.physics.expressions.algebra import Expr, names
 from dashred.physics.grids.grid_value import Value
 from dashred.physics.grids.operators import NoSpace
 from dashred.physics.system import System
@@ -48,10 +51,21 @@ def drive_signals(system: System, config: Config, times: Tensor) -> InputSignals
         if read := sorted(names(expr) - {"t"}):
             problem = f"a drive may depend on t only, not on {read[0]}"
             raise InputError(problem, where=config.where(key))
-        [value] = Program([expr])({"t": Value(times)}, NoSpace())
-        found = torch.as_tensor(NoSpace().on_grid(value), dtype=torch.float64)
-        columns[column] = np.ascontiguousarray(found.expand(len(times)).numpy())
+        columns[column] = at_times(expr, {"t": Value(times)}, len(times))
     return InputSignals(times.numpy(), columns)
+
+
+def at_times(expr: Expr, values: Mapping[str, Value], count: int) -> NDArray[np.float64]:
+    """Return a function of inputs and time at some times, ``(time,)``.
+
+    Args:
+        expr: the function, resolved.
+        values: the time and the inputs, ``(time,)`` each.
+        count: number of times.
+    """
+    [value] = Program([expr])(values, NoSpace())
+    found = torch.as_tensor(NoSpace().on_grid(value), dtype=torch.float64)
+    return np.ascontiguousarray(found.expand(count).numpy())
 
 
 def with_inputs(system: System, inputs: InputSignals) -> System:

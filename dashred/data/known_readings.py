@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
 from dashred.data.episodes import Episode, Episodes
-from dashred.data.inputs import with_inputs
+from dashred.data.inputs import at_times, with_inputs
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
-from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions.algebra import Expr, add, names, substitute, summands, to_text
-from dashred.physics.grids.operators import NoSpace
 from dashred.physics.system import System
 
 
@@ -124,14 +120,6 @@ def _without(
         sensors.append(replace(sensor, reads=name))
         if known is not None:
             key = f"system.let.{sensor.reads}"
-            values[:, column] -= _at(driven, driven.resolve(known, key), recording.times)
+            clock = driven.coordinates_and_inputs(recording.times, torch.device("cpu"))
+            values[:, column] -= at_times(driven.resolve(known, key), clock, len(values))
     return replace(recording, sensors=tuple(sensors), values=values)
-
-
-def _at(system: System, known: Expr, times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a function of inputs and time at some times, ``(time,)``."""
-    cpu = torch.device("cpu")
-    [value] = Program([known])(system.coordinates_and_inputs(times, cpu), NoSpace())
-    found = torch.as_tensor(NoSpace().on_grid(value), dtype=torch.float64)
-    result: NDArray[np.float64] = found.expand(len(times)).numpy()
-    return result

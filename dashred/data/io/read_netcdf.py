@@ -24,6 +24,7 @@ from dashred.data.checks import (
 )
 from dashred.data.episodes import Episode, EpisodeRows, Episodes, split_into_episodes
 from dashred.data.io.csv_table import SECONDS_AS_NUMBERS
+from dashred.data.io.sensor_units import convert_sensor
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.sensors import Sensor, SystemDescription, check_names, check_sensor
 from dashred.physics.backends.input_signals import InputSignals
@@ -111,13 +112,10 @@ def _convert_readings(
             unit = check_unit(unit, what, where)
             if whole is not None:
                 check_same_unit(what, unit, where, whole, f"{path}, 'value'")
-        convert = stated.state(sensor.reads, unit, where, what)
-        factor = convert.factor
-        if unit_of_std is not None:
-            of_std = f"the std of {what}"
-            factor = stated.state(sensor.reads, unit_of_std, f"{path}, 'std'", of_std).factor
-        std = None if sensor.std is None else factor * sensor.std
-        converted.append(replace(sensor, std=std))
+        own_sensor, convert = convert_sensor(
+            sensor, unit, where, unit_of_std, f"{path}, 'std'", stated
+        )
+        converted.append(own_sensor)
         columns.append(convert(column))
     return converted, np.stack(columns, axis=1) if columns else values
 

@@ -39,12 +39,37 @@ def convert_sensors(
             if unit is not None:
                 check_same_unit(what, unit, where, own, own_where)
             unit, where = own, own_where
-        found = stated.state(sensor.reads, unit, where, what)
-        factor = found.factor
-        if unit_of_std is not None and places:
-            where = places.header_location("std")
-            factor = stated.state(sensor.reads, unit_of_std, where, f"the std of {what}").factor
-        std = None if sensor.std is None else factor * sensor.std
-        converted.append(replace(sensor, std=std))
-        conversions.append(found)
+        std_where = "" if places is None else places.header_location("std")
+        own_sensor, convert = convert_sensor(sensor, unit, where, unit_of_std, std_where, stated)
+        converted.append(own_sensor)
+        conversions.append(convert)
     return converted, conversions
+
+
+def convert_sensor(
+    sensor: Sensor,
+    unit: str | None,
+    where: str,
+    unit_of_std: str | None,
+    std_where: str,
+    stated: StatedUnits,
+) -> tuple[Sensor, Conversion]:
+    """Return a sensor with converted noise, and the conversion of its readings.
+
+    Args:
+        sensor: with its noise as written.
+        unit: of its readings, as written; None if none is stated.
+        where: location of this unit.
+        unit_of_std: of its noise; None for the unit of its readings.
+        std_where: location of that unit.
+        stated: takes note of the units.
+
+    Raises:
+        InputError: a unit cannot be converted.
+    """
+    what = f"sensor {sensor.name!r}"
+    found = stated.state(sensor.reads, unit, where, what)
+    factor = found.factor
+    if unit_of_std is not None:
+        factor = stated.state(sensor.reads, unit_of_std, std_where, f"the std of {what}").factor
+    return replace(sensor, std=None if sensor.std is None else factor * sensor.std), found

@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from dashred.config import Config
+from dashred.config.layers import written_out
 from dashred.core.files.atomic import write_text_atomic
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import build_corrected_system
@@ -70,13 +71,9 @@ def _loses_structure(config: Config, corrected: System) -> bool:
 
 def _user_values(config: Config) -> dict[str, Any]:
     """Return the values of the user's file with the overrides of the command line."""
-    values = deepcopy(config.written)
+    values = written_out(deepcopy(config.written))
     checked = asdict(config)
     checked["system"]["class"] = checked["system"].pop("class_")
-    # A text in place of the section of an input is its column.
-    inputs = values.get("system", {}).get("inputs", {})
-    for name, given in inputs.items():
-        inputs[name] = {"column": given} if isinstance(given, str) else given
     for key in RUN_KEYS:
         values.pop(key, None)
     recording = values.get("recording", {})
