@@ -23,6 +23,7 @@ from dashred.config.commandline import (
 )
 from dashred.config.frozen import config_sha256, frozen_input
 from dashred.config.layers import merge, prepare, where_in
+from dashred.config.parameter_spreads import write_out_spreads
 from dashred.config.python_class import check_trust, split_trust, trace_class
 from dashred.config.removals import remove_entries
 from dashred.config.schema.recording import Recording, SensorSplit, Splits, TimeSplit
@@ -72,7 +73,8 @@ class Config(Settings):
         name: stem of the system's file, ``rde``.
         source: the system's file; None for a system that was given as a dict.
         lines: ``FILE:LINE`` or ``command line`` of each dotted key.
-        written: the values of the system's file, or dict, as they were written.
+        written: the values of the system's file, or dict, as they were written; spreads of
+            parameters are in ``parameter_spread``.
         override_place: what ``lines`` has of a key that was overridden: ``command line``.
     """
 
@@ -128,7 +130,7 @@ def build_config(
     Raises:
         InputError: anything wrong in the values. That there is no recording is not checked.
     """
-    written, overrides = remove_entries(written, overrides)
+    written, overrides = remove_entries(write_out_spreads(written), overrides)
     defaults = prepare(read_file(BASE, label="conf/base.yaml"), folder=results_root())
     system = prepare(written, folder=source.parent if source else Path.cwd())
     check_private_keys(system)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from dashred.config.bundled_systems import BASE, CONF, bundled_names
+from dashred.config.parameter_spreads import plain_key, with_plain_parameters
 from dashred.config.schema.types import kind_at, optional, required
 from dashred.config.source import Source, check_text, read_text
 from dashred.core.arguments import COMMAND_LINE, key_value_pairs
@@ -16,6 +17,9 @@ from dashred.core.files.user_path import user_path
 # A system's file may come from someone else. With these keys it could choose which files are
 # overwritten, and to which server the results and MLflow's password are sent.
 COMMAND_LINE_ONLY = ("output", "tracking.root", "tracking.run", "tracking.parent")
+
+# Sections to which an override may add entries, and the section that has their names.
+NAMED_IN = {"spread": "fields", "parameter_spread": "parameters"}
 
 USAGE = """\
 usage: dashred {entry} conf=SYSTEM [key=value ...]
@@ -79,9 +83,11 @@ def parse_arguments(arguments: list[str], *, entry: str) -> tuple[str, Source]:
         if key == "conf":
             systems.append(text)
             continue
-        value, keys = _value(_full_key(key, entry), text)
-        _put(values, _full_key(key, entry), value)
-        lines |= dict.fromkeys(keys, COMMAND_LINE)
+        full_key = plain_key(_full_key(key, entry), COMMAND_LINE)
+        value, keys = _value(full_key, text)
+        _put(values, full_key, value)
+        values = with_plain_parameters(values, lambda _: COMMAND_LINE)
+        lines |= {plain_key(each, COMMAND_LINE): COMMAND_LINE for each in keys}
     if len(systems) != 1:
         what = "which system? conf= is missing" if not systems else "conf= is given twice"
         raise InputError(what, where=COMMAND_LINE, hint=_systems(""))
@@ -101,12 +107,11 @@ def check_overrides(overrides: Source, system: Source) -> None:
         known = declared.get(section)
         if not isinstance(entries, dict) or not isinstance(known, dict) or section == "integrator":
             continue
+        names = [*known, *declared.get(NAMED_IN.get(section, ""), {})]
         for name in entries:
-            if name not in known and not (
-                section == "spread" and name in declared.get("fields", {})
-            ):
+            if name not in names:
                 raise InputError(
-                    f"system.{section} has no {name}", where=COMMAND_LINE, hint=nearest(name, known)
+                    f"system.{section} has no {name}", where=COMMAND_LINE, hint=nearest(name, names)
                 )
 
 

@@ -30,6 +30,9 @@ def frozen_input(config: Settings) -> dict[str, Any]:
     if not values["system"]["units"]:
         # Keeps the hash of configurations from before units were introduced.
         del values["system"]["units"]
+    if not values["system"]["parameter_spread"]:
+        # The same for uncertain parameters.
+        del values["system"]["parameter_spread"]
     recording = values["recording"]
     if recording["path"] is not None:
         for key in TWIN_ONLY:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 from dashred.config.source import Source
@@ -10,11 +9,23 @@ from dashred.core.errors import InputError, nearest
 
 REMOVED = ("~", None)
 # Sections whose names the system's file defines.
-SECTIONS = ("fields", "parameters", "let", "equations", "start", "spread", "inputs", "units")
+SECTIONS = (
+    "fields",
+    "parameters",
+    "parameter_spread",
+    "let",
+    "equations",
+    "start",
+    "spread",
+    "inputs",
+    "units",
+)
 
 
 def remove_entries(written: Source, overrides: Source) -> tuple[Source, Source]:
     """Return a system without the entries that the overrides remove, and the other overrides.
+
+    The spread of a removed parameter is removed, too.
 
     Args:
         written: the system.
@@ -24,6 +35,7 @@ def remove_entries(written: Source, overrides: Source) -> tuple[Source, Source]:
         InputError: the system does not have such an entry.
     """
     entries, others = _section(written.values, "system"), _section(overrides.values, "system")
+    keys: list[str] = []
     for section in SECTIONS:
         values, known = _section(others, section), _section(entries, section)
         removed = [name for name, value in values.items() if value in REMOVED]
@@ -34,7 +46,11 @@ def remove_entries(written: Source, overrides: Source) -> tuple[Source, Source]:
         if removed:
             entries[section] = _without(known, removed)
             others[section] = _without(values, removed)
-    return _with_system(written, entries), _with_system(overrides, others)
+        keys += [f"system.{section}.{name}" for name in removed]
+        if section == "parameters" and (spreads := _section(entries, "parameter_spread")):
+            entries["parameter_spread"] = _without(spreads, removed)
+            keys += [f"system.parameter_spread.{name}" for name in removed]
+    return _with_system(written, entries, keys), _with_system(overrides, others, keys)
 
 
 def _section(values: dict[str, Any], name: str) -> dict[str, Any]:
@@ -47,5 +63,13 @@ def _without(entries: dict[str, Any], removed: list[str]) -> dict[str, Any]:
     return {name: value for name, value in entries.items() if name not in removed}
 
 
-def _with_system(source: Source, system: dict[str, Any]) -> Source:
-    return replace(source, values=source.values | {"system": system}) if system else source
+def _with_system(source: Source, system: dict[str, Any], removed: list[str]) -> Source:
+    """Return a layer with another section ``system``, without the locations of removed keys."""
+    if not system:
+        return source
+    lines = {
+        key: line
+        for key, line in source.lines.items()
+        if not any(key == each or key.startswith((f"{each}.", f"{each}[")) for each in removed)
+    }
+    return Source(source.values | {"system": system}, lines)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from dashred.config.parameter_spreads import plain_key
 from dashred.config.source import MAX_DEPTH, MAX_VALUES, Source, check_text
 from dashred.core.errors import InputError
 
@@ -31,11 +32,13 @@ def overrides_from_dict(overrides: Mapping[str, Any], label: str) -> Source:
     """Return overrides as a layer; keys are dotted, nested, or both: ``{"shred.lags": 30}``.
 
     Raises:
-        InputError: see :func:`source_from_dict`; or a key has both a value and keys below it.
+        InputError: see :func:`source_from_dict`; or a key has both a value and keys below it, or is
+            given twice.
     """
     nested: dict[str, Any] = {}
     leaves: dict[str, str] = {"": label}
-    for key, value in _leaves(source_from_dict(overrides, label).values, ""):
+    for leaf, value in _leaves(source_from_dict(overrides, label).values, ""):
+        key = plain_key(leaf, label)
         *sections, name = key.split(".")
         below = nested
         for section in sections:

@@ -57,6 +57,23 @@ def subtract_known_readings(
     return system, replace(episodes, episodes=parts), clauses
 
 
+def check_reads_no_uncertain(system: System, sensors: Sequence[Sensor]) -> None:
+    """Check that no sensor reads a function of an uncertain parameter.
+
+    Raises:
+        InputError: a sensor reads a ``let`` that depends on a parameter with a spread.
+    """
+    for sensor in sensors:
+        found = names(_in_fields(system, sensor.reads)) & set(system.config.parameter_spread)
+        if found:
+            what = (
+                f"sensor {sensor.name!r} reads {sensor.reads!r}, which depends on the uncertain "
+                f"parameter {min(found)!r}"
+            )
+            hint = f"give {min(found)} without a spread, or record what does not depend on it"
+            raise InputError(what, where=system.where(f"system.let.{sensor.reads}"), hint=hint)
+
+
 def check_reads_state(system: System, sensors: Sequence[Sensor]) -> None:
     """Check that every sensor reads a function of the state alone.
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 from dashred.physics.expressions.algebra import ZERO, Expr, substitute
-from dashred.physics.expressions.differentiate import differentiate
+from dashred.physics.expressions.differentiate import NotDifferentiableError, differentiate
 from dashred.physics.system import System
 
 
@@ -40,3 +42,15 @@ def parameter_slopes(system: System, parameter: str) -> dict[str, Expr]:
         equation: differentiate(substitute(expr, lets), parameter)
         for equation, expr in system.equations.items()
     }
+
+
+def acts_linearly(system: System, parameters: Collection[str]) -> bool:
+    """Return whether the equations are affine in some parameters together.
+
+    False as well if an equation has no derivative with respect to one of them.
+    """
+    try:
+        slopes = [s for p in parameters for s in parameter_slopes(system, p).values()]
+        return all(differentiate(slope, p) == ZERO for slope in slopes for p in parameters)
+    except NotDifferentiableError:
+        return False

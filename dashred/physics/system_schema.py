@@ -98,7 +98,12 @@ class System:
     square brackets: ``theta: angle from hanging [rad]``; inside { } such a text needs quotes."""
 
     parameters: dict[str, float] = field(default_factory=dict)
-    """Constants of the equations, by name."""
+    """Constants of the equations, by name. ``R: {value: 2.7, spread: 1.0}`` is short for a value
+    and its ``parameter_spread``."""
+
+    parameter_spread: dict[str, float] = field(default_factory=dict)
+    """Prior standard deviations of parameters that are known only roughly. They are fitted together
+    with the initial state. A parameter that is not listed has exactly its value."""
 
     let: dict[str, str] = field(default_factory=dict)
     """Derived quantities: name and expression of each."""

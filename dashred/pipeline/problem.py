@@ -17,7 +17,7 @@ from dashred.core.findings.cause_schema import FaultySensor
 from dashred.data.episodes import Episodes, name_episode_in_errors
 from dashred.data.inputs import with_inputs
 from dashred.data.io.reader import read_episodes
-from dashred.data.known_readings import subtract_known_readings
+from dashred.data.known_readings import check_reads_no_uncertain, subtract_known_readings
 from dashred.data.noise_level import noise_std
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.own_times import describe_times, has_uneven_times
@@ -26,6 +26,8 @@ from dashred.data.resampling import native_step, resample_all
 from dashred.data.splits import Split, hold_out_episode, split_recording
 from dashred.data.stated_noise import resolve_shares, with_noise_of_sensors
 from dashred.inference.fit.law import SensorFault
+from dashred.inference.forward.candidates import ChangePrior
+from dashred.inference.results.corrected_system import with_parameters
 from dashred.inference.results.verdict import describe_fault
 from dashred.physics.external.snapshot_file import open_snapshots
 from dashred.physics.external.snapshots import Snapshots
@@ -127,6 +129,21 @@ class Problem:
             return replace(episode, system=episode.system.with_step(dt), clock=clock)
 
         return self._in_every_episode(changed)
+
+    @property
+    def parameter_priors(self) -> dict[str, ChangePrior]:
+        """Priors of the changes of the uncertain parameters, by name."""
+        stated, known = self.config.system, self.system.config.parameters
+        return {
+            name: ChangePrior(stated.parameters[name] - known[name], spread)
+            for name, spread in stated.parameter_spread.items()
+        }
+
+    def with_parameters(self, values: Mapping[str, float]) -> Problem:
+        """Return the problem with other values of some parameters, in every episode."""
+        return self._in_every_episode(
+            lambda episode: replace(episode, system=with_parameters(episode.system, values))
+        )
 
     def with_longer_step(self, dt: float) -> Problem:
         """Return the problem with another time step of the ensemble, in every episode."""
@@ -270,8 +287,10 @@ def with_readings_of_state(
         The system, the recording, and clauses as of :func:`subtract_known_readings`.
 
     Raises:
-        InputError: the noise is invalid, or a sensor reads more than can be subtracted.
+        InputError: the noise is invalid, or a sensor reads a function of an uncertain parameter, or
+            more than can be subtracted.
     """
+    check_reads_no_uncertain(system, read.sensors)
     stated = with_noise_of_sensors(read, config.recording.std, config.where("recording.std"))
     stated = resolve_shares(stated, _fitted_count(read), config.splits.time.test)
     return subtract_known_readings(system, stated)

@@ -38,7 +38,8 @@ class Trajectories:
         states: by method, ``(time, field, *grid)``: the uncorrected simulator from the start of
             the law (``simulation_same_start``) and from its own fitted start
             (``simulation_refit``), and the corrected simulator (``corrected``). Without a law, the
-            first is the simulator from its nominal start.
+            first is the simulator from its nominal start. Uncertain parameters are as fitted
+            with the law, without it, and with it; without a law they are as stated in the first.
         growth_rate: rate at which a small error of the start of the corrected simulator grows, in
             1/time; an estimate of the largest Lyapunov exponent.
         others: free runs of the other fitted episodes.
@@ -66,26 +67,33 @@ def simulate_trajectories(
     with stage("free runs", seconds):
         nominal_starts = [path[0] for path in (nominal.states, *nominal.others)]
         first, *others = [
-            _run(episode, best, *starts)
+            _run(episode, best, nothing, *starts)
             for episode, *starts in zip(
                 problem.episodes, best.start, nothing.start, nominal_starts, strict=True
             )
         ]
         whole = [
-            _run(episode, best, *fit_starts(episode, nominal.prior, best), path[0])
+            _run(
+                episode,
+                best,
+                nothing,
+                *fit_starts(episode, nominal.prior, best, nothing),
+                path[0],
+            )
             for episode, path in zip(problem.whole, nominal.whole, strict=True)
         ]
     return replace(first, others=tuple(others), whole=tuple(whole))
 
 
 def _run(
-    problem: Problem, best: Law, start: Tensor, refitted: Tensor, nominal: Tensor
+    problem: Problem, best: Law, nothing: Law, start: Tensor, refitted: Tensor, nominal: Tensor
 ) -> Trajectories:
     """Run one episode with the law, and without it from several starts.
 
     Args:
         problem: the episode.
         best: the law.
+        nothing: the empty law.
         start: fitted start with the law, ``(field, *grid)``.
         refitted: fitted start without it.
         nominal: start of the simulator as it is configured.
@@ -99,9 +107,14 @@ def _run(
     # A start that is known exactly equals the nominal one.
     shift = SHIFT * (nominal - start if bool((nominal != start).any()) else start)
     starts = torch.stack([uncorrected, refitted, start, start + shift])
-    none = torch.zeros((1, len(best.candidates)), dtype=torch.float64)
-    law = best.coefficients[None]
-    forcing = build_forcing(best.candidates, torch.cat([none, none, law, law]))
+    none, law = torch.zeros_like(best.coefficients), best.coefficients
+    own, others = _changes(best), _changes(nothing)
+    same = own if best.candidates else _stated_changes(best)
+    rows = [(same, none), (others, none), (own, law), (own, law)]
+    parameters = [each.candidate for each in best.parameters]
+    forcing = build_forcing(
+        [*parameters, *best.candidates], torch.stack(list(map(torch.cat, rows)))
+    )
     same_start, refit, corrected, shifted = simulate(problem.system, starts, all_times, forcing)
     states = {
         "simulation_same_start": same_start,
@@ -110,6 +123,17 @@ def _run(
     }
     rate = _growth_rate(times, corrected[: len(times)], shifted[: len(times)])
     return Trajectories(all_times, len(times), states, rate)
+
+
+def _changes(law: Law) -> Tensor:
+    """Return the fitted changes of the uncertain parameters, ``(parameter,)``."""
+    return torch.tensor([each.change for each in law.parameters], dtype=torch.float64)
+
+
+def _stated_changes(law: Law) -> Tensor:
+    """Return the changes to the stated values of the uncertain parameters, ``(parameter,)``."""
+    priors = [each.candidate.prior for each in law.parameters]
+    return torch.tensor([prior.mean for prior in priors if prior], dtype=torch.float64)
 
 
 def _growth_rate(times: Tensor, states: Tensor, shifted: Tensor) -> float:

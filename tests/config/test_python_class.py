@@ -80,6 +80,11 @@ def test_a_class_has_the_equations_of_its_declared_twin(folder: Path) -> None:
     assert told["class"] == NAME and "class" not in frozen_input(bundled)["system"]
 
 
+def test_a_parameter_of_a_class_may_be_uncertain(folder: Path) -> None:
+    spread = ("system.parameters.a1.spread=0.01", f"trust={NAME}")
+    assert load(folder, *spread).system.parameter_spread == {"a1": 0.01}
+
+
 def test_no_line_of_a_class_runs_without_trust(folder: Path) -> None:
     for words in ((), ("trust=my_pendulum.Idle",)):
         with pytest.raises(InputError, match=r"runs the code of my_pendulum\.Pendulum") as error:

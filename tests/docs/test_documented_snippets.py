@@ -83,3 +83,17 @@ def test_snapshots_that_are_described_are_checked(
     said = capsys.readouterr().out
     assert f"{SAMPLES} samples of 8 sensors" in said and f"{MEMBERS} runs" in said
     assert re.search(r"About \d+ s", said)
+
+
+def test_a_parameter_with_a_spread_is_read() -> None:
+    [parameters] = [
+        text for text in snippets(DOCS / "own-system.md", "yaml") if "spread: 1" in text
+    ]
+    Path("tank.yaml").write_text(
+        "system:\n  title: tank\n  fields: {h: level}\n"
+        f"{parameters}"
+        "  equations: {h: m - h/R}\n  start: {h: 1}\n  integrator: {dt: 0.1}\n"
+    )
+    system = load_config(["conf=tank.yaml", "recording.path=tank.csv"], entry="test").system
+    assert system.parameters == {"R": 2.7, "m": 0.4}
+    assert system.parameter_spread == {"R": 1.0}

@@ -43,8 +43,9 @@ def keys_of(kind: Any, parent: str = "") -> list[str]:
 
 OPEN_KEYS = ("system.start.u", "system.axes.x.points", "system.let.drag", "system.parameters.c")
 INPUT_KEYS = ("system.inputs.f", "system.inputs.f.hold", "system.inputs.f.delay")
-MORE_KEYS = ("system.spread.u", "library.u", "system.class", "class", "conf", "recording.std.u")
-KEYS = st.sampled_from([*keys_of(Settings), *OPEN_KEYS, *INPUT_KEYS, *MORE_KEYS])
+SPREAD_KEYS = ("system.spread.u", "system.parameter_spread.c")
+MORE_KEYS = ("library.u", "system.class", "class", "conf", "recording.std.u")
+KEYS = st.sampled_from([*keys_of(Settings), *OPEN_KEYS, *INPUT_KEYS, *SPREAD_KEYS, *MORE_KEYS])
 # Attacks and typing errors.
 TAGS = ("!!python/object/apply:os.system [ls]", "!mine x", "&a 1", "*a", "<<: {}", "%TAG", "|\n x")
 PLACES = ("${oc.env:HOME}", "${seed}", "???", "../../etc/passwd", "/dev/zero", "~nobody/x", "~")

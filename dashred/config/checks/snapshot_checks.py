@@ -10,6 +10,7 @@ from dashred.physics.system_schema import System
 # Keys of a system that need equations.
 EQUATION_KEYS = (
     "equations",
+    "parameter_spread",
     "start",
     "spin_up",
     "spin_up_dt",

@@ -49,6 +49,7 @@ def check_system(system: System, where: Where) -> None:
             problem = f"system.start.{name} must be finite; got {value}"
             raise InputError(problem, where=where(f"system.start.{name}"))
     _check_spread(system, where)
+    _check_parameter_spread(system, where)
     _check_front(system, where)
 
 
@@ -123,6 +124,18 @@ def _check_spread(system: System, where: Where) -> None:
     _check_fields(key, moved, system, where)
     for name in moved:
         _check_deviation(spread[name], f"{key}.{name}", where)
+
+
+def _check_parameter_spread(system: System, where: Where) -> None:
+    for name, spread in system.parameter_spread.items():
+        place = where(f"system.parameter_spread.{name}")
+        if name not in system.parameters:
+            what = f"system.parameter_spread names {name}, which is not a parameter"
+            raise InputError(what, where=place, hint=nearest(name, system.parameters))
+        if not _positive(spread):
+            what = f"the spread of {name} must be a positive number; got {spread:g}"
+            hint = "omit the spread of a parameter whose value is exact"
+            raise InputError(what, where=place, hint=hint)
 
 
 def _check_process(spread: dict[str, Any], system: System, where: Where) -> None:

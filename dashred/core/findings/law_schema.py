@@ -73,6 +73,26 @@ ParameterChange = TypedDict(
 first order. `unit` is the stated unit, if any."""
 
 
+class FittedParameter(TypedDict):
+    """A parameter that the configuration states with a spread. It is no part of the law.
+
+    `stated` and `spread` are its prior: mean and standard deviation. `value` is the fitted value,
+    `std` its standard deviation, and `ci95` its 95 % interval. `aliases` are other parameters whose
+    change has the same effect. The value is `exact`, or else correct to first order. `unit` is the
+    stated unit, if any.
+    """
+
+    parameter: str
+    stated: float
+    spread: float
+    value: float
+    std: float
+    ci95: list[float]
+    aliases: list[str]
+    exact: bool
+    unit: NotRequired[str]
+
+
 class AlternativeTerm(TypedDict):
     """A term of an alternative law; the equation of a parameter is null.
 

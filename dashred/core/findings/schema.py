@@ -13,6 +13,7 @@ from dashred.core.findings.law_schema import (
     Alternative,
     AlternativeTerm,
     EnergyLoss,
+    FittedParameter,
     MissingTerm,
     ParameterChange,
     SmallerLaw,
@@ -198,6 +199,9 @@ class Findings(TypedDict):
     `also_supported` are terms that the recording supports beside the law in `terms`, but that the
     forecast does not need.
 
+    `fitted_parameters` are the parameters that the configuration states with a spread. They are
+    fitted beside the law, and the verdict does not depend on their values.
+
     `units` are the units stated by the configuration or the recording, by name, and the unit of
     time as `t`. The key exists only if a unit is stated.
     """
@@ -207,6 +211,7 @@ class Findings(TypedDict):
     where: Where | None
     terms: list[MissingTerm | ParameterChange] | None
     also_supported: list[AlternativeTerm]
+    fitted_parameters: list[FittedParameter]
     alternatives: list[Alternative] | None
     smaller: list[SmallerLaw] | None
     energy: EnergyLoss | None
@@ -263,6 +268,7 @@ def new_findings(
     where: Where | None = None,
     terms: list[MissingTerm | ParameterChange] | None = None,
     also_supported: Sequence[AlternativeTerm] = (),
+    fitted_parameters: Sequence[FittedParameter] = (),
     alternatives: list[Alternative] | None = None,
     smaller: list[SmallerLaw] | None = None,
     energy: EnergyLoss | None = None,
@@ -289,6 +295,7 @@ def new_findings(
         where=where,
         terms=terms,
         also_supported=list(also_supported),
+        fitted_parameters=list(fitted_parameters),
         alternatives=alternatives,
         smaller=smaller,
         energy=energy,

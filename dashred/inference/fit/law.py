@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
-from dashred.inference.fit.levenberg_marquardt import FitResult
 from dashred.inference.fit.located_source import LocatedSource
 from dashred.inference.forward.candidates import Candidate, build_forcing
 from dashred.physics.solvers.forcing import Forcing
@@ -80,6 +78,21 @@ class SensorFault:
 
 
 @dataclass(frozen=True)
+class FittedParameter:
+    """An uncertain parameter, fitted beside the law.
+
+    Attributes:
+        candidate: the parameter, with its prior.
+        change: from the value in the system, as the coefficient ξ of its tangent.
+        std: posterior standard deviation of ``change``.
+    """
+
+    candidate: Candidate
+    change: float
+    std: float
+
+
+@dataclass(frozen=True)
 class Law:
     """One explanation of the recording.
 
@@ -98,6 +111,7 @@ class Law:
         start_prior_factor: factor by which the prior of the start is widened; 1 for the stated
             prior.
         source: the localised source that its terms express; None for other laws.
+        parameters: uncertain parameters, fitted beside it.
     """
 
     candidates: tuple[Candidate, ...]
@@ -112,6 +126,7 @@ class Law:
     faults: tuple[SensorFault, ...] = ()
     start_prior_factor: float = 1.0
     source: LocatedSource | None = None
+    parameters: tuple[FittedParameter, ...] = ()
 
     @property
     def std(self) -> Tensor:
@@ -173,82 +188,6 @@ class Law:
         ]
         faults = [f"{fault.kind} of {fault.sensor}" for fault in self.faults]
         return ", ".join([*parts, *faults, *self._start_parts]) or "nothing"
-
-
-def build_selected_law(
-    objective: LeastSquaresProblem,
-    normal: NormalEquations,
-    phi: Tensor,
-    members: tuple[int, ...],
-    readings: Tensor,
-    score: float,
-) -> Law:
-    """Return the law of one set of candidates at a minimum of F.
-
-    ``cov = (JᵀWᵀWJ + P)⁻¹`` over the start and the coefficients of the law
-    (docs/method.md#error-bars).
-
-    Args:
-        objective: F of all candidates.
-        normal: normal equations of all candidates at the minimum, or near it.
-        phi: the minimum, ``(unknown,)``.
-        members: indices of the candidates of the law.
-        readings: readings at the minimum, ``(time, sensor)``.
-        score: score of the law.
-    """
-    forward_model = objective.forward_model
-    z, xi = objective.split(phi)
-    covariance = normal.covariance(objective.indices(members))
-    chi2 = float(objective.residuals(readings).square().sum()) / objective.noise.count
-    return Law(
-        candidates=tuple(forward_model.law.candidates[j] for j in members),
-        coefficients=xi[list(members)],
-        covariance=covariance[objective.modes :, objective.modes :],
-        start=forward_model.start.start(z[None])[0],
-        score=score,
-        chi2=chi2,
-        residuals=readings - objective.recorded,
-    )
-
-
-def build_law(
-    objective: LeastSquaresProblem,
-    fitted: FitResult,
-    score: float,
-    known: NormalEquations | None = None,
-) -> Law:
-    """Return the law of all candidates of F at a minimum of F.
-
-    Args:
-        objective: F.
-        fitted: the minimum.
-        score: score of the law.
-        known: normal equations at the minimum, if they are known already.
-    """
-    candidates, modes = fitted_candidates(objective, fitted.phi), objective.modes
-    count, last = len(candidates), objective.forward_model.law.count
-    z, xi = objective.split(fitted.phi)
-    normal = known or objective.linearise(fitted.phi, fitted.readings)
-    covariance = normal.covariance(range(len(fitted.phi)))
-    stds = covariance.diagonal().clamp(min=0).sqrt().tolist()
-    return Law(
-        candidates=candidates,
-        coefficients=xi[:count],
-        covariance=covariance[modes : modes + count, modes : modes + count],
-        start=objective.forward_model.start.start(z[None])[0],
-        score=score,
-        chi2=fitted.chi2 / objective.noise.count,
-        residuals=torch.where(
-            objective.noise.available, fitted.readings - objective.recorded, torch.nan
-        ),
-        edges=tuple(stds[modes + count : modes + last]),
-    )
-
-
-def fitted_candidates(objective: LeastSquaresProblem, phi: Tensor) -> tuple[Candidate, ...]:
-    """Return the candidates of a fit; local terms carry the fitted window."""
-    forward_model = objective.forward_model
-    return forward_model.law.terms(objective.split(phi)[1][forward_model.slices.law])
 
 
 def distinct_laws(laws: Sequence[Law]) -> list[Law]:

@@ -1,6 +1,7 @@
 """The least-squares problem, and its normal equations at a point.
 
-Every fit minimises a regularised sum of squares over the unknowns ``φ = (z, ξ)``
+Every fit minimises a regularised sum of squares over the unknowns ``φ = (z, ξ)``: z of the start
+and of uncertain parameters, and the coefficients ξ
 (docs/method.md#fit-through-the-simulator)::
 
     F(φ) = ‖W(H S(φ) - y)‖² + ‖z‖² + ‖ξ/d‖²
@@ -62,8 +63,8 @@ class LeastSquaresProblem:
 
     @property
     def modes(self) -> int:
-        """Number of unknowns of the start."""
-        return self.forward_model.start.size
+        """Number of unknowns of the start and the uncertain parameters."""
+        return self.forward_model.modes
 
     @property
     def precision(self) -> Tensor:
@@ -116,7 +117,7 @@ class LeastSquaresProblem:
         return whole
 
     def indices(self, members: Sequence[int]) -> list[int]:
-        """Return the indices, among the unknowns, of the start and of some candidates."""
+        """Return the indices of z and of some candidates among the unknowns."""
         return [*range(self.modes), *(self.modes + j for j in members)]
 
     def split(self, phi: Tensor) -> tuple[Tensor, Tensor]:

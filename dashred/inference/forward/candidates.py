@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -18,6 +19,18 @@ from dashred.physics.parameter_sensitivity import parameter_tendency
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
 from dashred.physics.window import Window
+
+
+class ChangePrior(NamedTuple):
+    """Normal prior on the change of an uncertain parameter, in the user's unit.
+
+    Attributes:
+        mean: the stated value less the value in the system.
+        std: the spread.
+    """
+
+    mean: float
+    std: float
 
 
 @dataclass(frozen=True)
@@ -35,6 +48,7 @@ class Candidate:
         replaces: library terms, ``equation: term``, that a parameter replaces.
         window: window in which it acts; None everywhere.
         is_extended: whether it is not a term of the library.
+        prior: of the change of an uncertain parameter; None for a candidate for what is missing.
     """
 
     name: str
@@ -46,6 +60,7 @@ class Candidate:
     replaces: tuple[str, ...] = ()
     window: Window | None = None
     is_extended: bool = False
+    prior: ChangePrior | None = None
 
     @property
     def key(self) -> str:
@@ -63,12 +78,13 @@ def build_candidates(
     nominal: Tensor,
     t: float | Tensor,
     extensions: Sequence[Term] = (),
+    priors: Mapping[str, ChangePrior] | None = None,
 ) -> list[Candidate]:
     """Return the parameters and the library terms as candidates, without collinear ones.
 
     Two candidates are collinear if their tendencies are proportional over the nominal simulation.
-    Of collinear parameters the first remains, with the others as aliases. A parameter replaces a
-    collinear term.
+    Of collinear parameters the first remains, with the others as aliases; uncertain parameters come
+    before the others. A parameter replaces a collinear term.
 
     Args:
         system: the simulator.
@@ -76,8 +92,11 @@ def build_candidates(
         nominal: states of the simulator, ``(time, field, *grid)``.
         t: time of all states, or of each, ``(time,)``.
         extensions: terms of ``library`` that were added to it.
+        priors: of the uncertain parameters, by name.
     """
-    parameters = [_parameter(system, name) for name in system.config.parameters]
+    known = priors or {}
+    ordered = sorted(system.config.parameters, key=lambda name: name not in known)
+    parameters = [_parameter(system, name, known.get(name)) for name in ordered]
     resolved = resolve(system, library)
     terms = [
         Candidate(str(term), term.equation, (ready,), 1.0, is_extended=term in extensions)
@@ -156,10 +175,10 @@ def build_forcing(candidates: Sequence[Candidate], coefficients: Tensor) -> Forc
     return Forcing(terms, coefficients[:, owner])
 
 
-def _parameter(system: System, name: str) -> Candidate:
+def _parameter(system: System, name: str, prior: ChangePrior | None) -> Candidate:
     tendencies = parameter_tendency(system, name)
     terms = tuple(Term(equation, expr) for equation, expr in tendencies.items())
-    return Candidate(name, None, terms, 1.0)
+    return Candidate(name, None, terms, 1.0, prior=prior)
 
 
 def _column(system: System, candidate: Candidate, states: Tensor, t: float | Tensor) -> Tensor:

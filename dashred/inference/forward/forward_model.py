@@ -3,12 +3,12 @@
 It is composed of blocks with unknowns of their own::
 
     u(0) = u₀(z)                                    start
-    ∂u/∂t = N(u) + Σ ξ θ(u) + f(x, t)               simulator, law, forcing
+    ∂u/∂t = N(u; p) + Σ ξ θ(u) + f(x, t)            simulator, parameters, law, forcing
     y = H u + errors                                sensors
 
-The unknowns are z of the start and one vector of coefficients: those of the law, then those of the
-forcing, then those of the sensor errors. Every array has an episode axis; a single recording is one
-episode.
+The unknowns are z of the start and of uncertain parameters p, and one vector of coefficients: those
+of the law, then those of the forcing, then those of the sensor errors. Every array has an episode
+axis; a single recording is one episode.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.forward.law_block import LawBlock
 from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
-from dashred.inference.initial_state.start_models import StartModel
+from dashred.inference.initial_state.start_models import StartModel, project_state
 
 DIFFERENCE = 1e-5
 
@@ -37,7 +37,7 @@ class Linearisation:
 
     Attributes:
         readings: ``(time, sensor)``.
-        by_start: J_z, ``(time, sensor, mode)``.
+        by_start: J_z, ``(time, sensor, mode)``: start, then uncertain parameters.
         by_coefficients: J_ξ in the user's units, ``(time, sensor, coefficient)``.
     """
 
@@ -59,7 +59,7 @@ class ForwardModel:
     """``(z, ξ) → y`` and its derivative (docs/method.md#fit-through-the-simulator).
 
     Attributes:
-        simulator: the simulators of all episodes, with tendency N.
+        simulator: the simulators of all episodes, with tendency N and uncertain parameters.
         start: u₀(z) with z ~ N(0, I), ``(episode, field, *grid)``.
         law: the terms added to N.
         sensors: H and the sensor errors.
@@ -73,6 +73,11 @@ class ForwardModel:
     sensors: SensorBlock
     times: Tensor
     forcing: ForcingBlock | None = None
+
+    @property
+    def modes(self) -> int:
+        """Number of unknowns z, of the start and the uncertain parameters."""
+        return self.start.size + self.simulator.parameters.count
 
     @property
     def slices(self) -> UnknownSlices:
@@ -91,10 +96,30 @@ class ForwardModel:
         self, z: Float[Tensor, "batch mode"], xi: Float[Tensor, "batch coefficient"]
     ) -> Tensor:
         """Return the trajectories ``(batch, time, episode, field, *grid)``."""
-        slices = self.slices
-        weights = self.law.weights(self.simulator, xi[:, slices.law])
-        forcing = self.forcing.sampled(xi[:, slices.forcing]) if self.forcing else None
-        return self.simulator.run(self.start.start(z), self.times, weights, forcing)
+        forcing = self.forcing.sampled(xi[:, self.slices.forcing]) if self.forcing else None
+        weights = self._tendency.weights(self.simulator, self._tendency_unknowns(z, xi))
+        return self.simulator.run(self.starts(z), self.times, weights, forcing)
+
+    def starts(self, z: Float[Tensor, "batch mode"]) -> Tensor:
+        """Return the starts ``(batch, episode, field, *grid)``."""
+        return self.start.start(z[:, : self.start.size])
+
+    def scaled_changes(self, changes: Float[Tensor, " parameter"]) -> Tensor:
+        """Return the unknowns z of the uncertain parameters for given changes."""
+        known = self.simulator.parameters
+        return (changes - known.means) / known.stds
+
+    def move_to(self, start: StartModel, z: Float[Tensor, " mode"]) -> Tensor:
+        """Return z with the start expressed by another model, as nearly as it can."""
+        if start is self.start:
+            return z
+        begin = project_state(start, self.starts(z[None])[0])
+        return torch.cat([begin, z[self.start.size :]])
+
+    def parameter_changes(self, z: Float[Tensor, "*batch mode"]) -> Tensor:
+        """Return the changes of the uncertain parameters, ``(…, parameter)``."""
+        known = self.simulator.parameters
+        return known.means + known.stds * z[..., self.start.size :]
 
     def sampled_states(
         self, z: Float[Tensor, " mode"], xi: Float[Tensor, " coefficient"]
@@ -159,26 +184,40 @@ class ForwardModel:
             return self._columns(z, xi, deadline)
         return self._differences(z, xi)
 
+    @property
+    def _tendency(self) -> LawBlock:
+        """The uncertain parameters and the law: all that is added to the tendency but a forcing."""
+        known = self.simulator.parameters.candidates
+        return replace(self.law, candidates=[*known, *self.law.candidates]) if known else self.law
+
+    def _tendency_unknowns(self, z: Tensor, xi: Tensor) -> Tensor:
+        """Return the unknowns of the parameters and the law, ``(…, unknown)``."""
+        return torch.cat([self.parameter_changes(z), xi[..., self.slices.law]], dim=-1)
+
     def _columns(self, z: Tensor, xi: Tensor, deadline: Deadline = NEVER) -> Tensor:
         """Return the Jacobian from tangent-linear equations."""
-        eye = torch.eye(len(z), dtype=torch.float64)
-        [base] = self.start.start(z[None])
-        directions = (self.start.start(z + DIFFERENCE * eye) - base) / DIFFERENCE
-        slices, forcing = self.slices, self.forcing
+        size, stds = self.start.size, self.simulator.parameters.stds
+        eye = torch.eye(size, dtype=torch.float64)
+        [base] = self.starts(z[None])
+        directions = (self.start.start(z[:size] + DIFFERENCE * eye) - base) / DIFFERENCE
+        tendency, unknowns = self._tendency, self._tendency_unknowns(z, xi)
+        forcing = self.forcing
         blocks = self.simulator.tangents(
             base,
             directions,
             self.times,
-            self.law.forcing(xi[slices.law]),
-            self.law.sources(xi[slices.law]),
-            forcing.sampled(xi[None, slices.forcing]) if forcing else None,
+            tendency.forcing(unknowns),
+            tendency.sources(unknowns),
+            forcing.sampled(xi[None, self.slices.forcing]) if forcing else None,
             forcing.basis if forcing else None,
         )
         found = []
         for block in blocks:
             found.append(self._observe(*block))
             deadline.check()
-        return torch.cat(found)
+        columns = torch.cat(found)
+        columns[..., size : len(z)] *= stds.to(columns.dtype)
+        return columns
 
     def _observe(self, states: Tensor, tangents: Tensor) -> Tensor:
         """Return the derivative ``H'(u) w``, ``(sample, sensor, column)``.

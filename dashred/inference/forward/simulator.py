@@ -18,6 +18,7 @@ from torch import Tensor
 from dashred.inference.forward.candidate_simulator import CandidateSimulator
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.episodes import without_padding
+from dashred.inference.forward.parameter_block import NO_PARAMETERS, ParameterBlock
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import Term
@@ -39,11 +40,15 @@ class Simulator:
         system: the system of the first episode; the others differ only in their inputs.
         tangent: the same system with the time step of the derivative.
         shapes: shapes of the windows in which candidates may act.
+        parameters: uncertain parameters, which are candidates of every part.
         has_tangents: whether tangent-linear equations exist for all episodes.
     """
 
-    def __init__(self, parts: Sequence[CandidateSimulator]) -> None:
+    def __init__(
+        self, parts: Sequence[CandidateSimulator], parameters: ParameterBlock = NO_PARAMETERS
+    ) -> None:
         self.parts, first = tuple(parts), parts[0]
+        self.parameters = parameters
         self.system, self.tangent, self.shapes = first.system, first.tangent, first.shapes
         self.has_tangents = all(part.has_tangents for part in parts)
 
@@ -57,7 +62,8 @@ class Simulator:
 
     def with_candidates(self, candidates: Sequence[Candidate]) -> Simulator:
         """Return the simulators with other candidates, without windows."""
-        return self._each(lambda part: part.with_candidates(candidates))
+        whole = [*self.parameters.candidates, *candidates]
+        return self._each(lambda part: part.with_candidates(whole))
 
     def weights(
         self,
@@ -133,7 +139,7 @@ class Simulator:
 
     def _each(self, change: Callable[[CandidateSimulator], CandidateSimulator]) -> Simulator:
         changed = {part: change(part) for part in dict.fromkeys(self.parts)}
-        return Simulator([changed[part] for part in self.parts])
+        return Simulator([changed[part] for part in self.parts], self.parameters)
 
     def _groups(self, times: Tensor) -> list[list[int]]:
         """Return groups of episodes with the same simulator and the same times."""

@@ -9,7 +9,8 @@ import torch
 from torch import Tensor
 
 from dashred.core.budget import OutOfTimeError
-from dashred.inference.fit.law import Law, build_law
+from dashred.inference.fit.fitted_law import build_law
+from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.levenberg_marquardt import (
     FitResult,

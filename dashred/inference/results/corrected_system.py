@@ -15,13 +15,14 @@ from dashred.physics.system import System, Term
 def build_corrected_system(system: System, law: Law) -> System:
     """Return the corrected system, whose tendency is exactly ``N + Σ ξ θ``.
 
-    A parameter gets the value with the same effect as its tangent, if there is one
-    (:mod:`dashred.inference.results.parameter_change`). For other parameters, such as ``alpha`` in
-    ``exp(u/alpha)``, the tangent is added as a term.
+    Uncertain parameters get their fitted values. A parameter gets the value with the same effect as
+    its tangent, if there is one (:mod:`dashred.inference.results.parameter_change`). For other
+    parameters, such as ``alpha`` in ``exp(u/alpha)``, the tangent is added as a term.
     """
     changed: dict[str, float] = {}
     terms: list[tuple[Term, float]] = []
-    for candidate, value in zip(law.candidates, law.coefficients.tolist(), strict=True):
+    fitted = [(each.candidate, each.change) for each in law.parameters]
+    for candidate, value in [*fitted, *zip(law.candidates, law.coefficients.tolist(), strict=True)]:
         if candidate.equation is None:
             change = exact_change(system, candidate.name, value)
             if change is None:

@@ -65,8 +65,15 @@ class BlockNormal:
             return None
         return (solved[:, -1] - solved[:, :-1] @ shared).reshape(nodes, fields), shared
 
-    def profiled(self) -> tuple[Array, Array, float] | None:
-        """Return G, g and c of ``F(δξ) = c - 2 gᵀδξ + δξᵀ G δξ``, the nodes at their best."""
+    def profiled(self, kept: int | None = None) -> tuple[Array, Array, float] | None:
+        """Return G, g and c of ``F(δξ) = c - 2 gᵀδξ + δξᵀ G δξ``, the nodes at their best.
+
+        None where rounding has left a matrix without a Cholesky factor.
+
+        Args:
+            kept: so many of the shared unknowns remain, and the others are at their best, too;
+                None keeps all.
+        """
         right = np.concatenate([self._flat_border, self.node_gradient.reshape(-1, 1)], axis=1)
         try:
             solved = cho_solve_banded((cholesky_banded(self._band), False), right)
@@ -74,8 +81,9 @@ class BlockNormal:
             return None
         gram = self.corner - self._flat_border.T @ solved[:, :-1]
         target = self.shared_gradient - self._flat_border.T @ solved[:, -1]
-        gained = float(self.node_gradient.ravel() @ solved[:, -1])
-        return (gram + gram.T) / 2, target, self.cost - gained
+        cost = self.cost - float(self.node_gradient.ravel() @ solved[:, -1])
+        gram = (gram + gram.T) / 2
+        return (gram, target, cost) if kept is None else _eliminate(gram, target, cost, kept)
 
     def minimum(self) -> float | None:
         """Return min F of the linearised problem; None without a Cholesky factor."""
@@ -144,3 +152,23 @@ class BlockNormal:
                 if nodes > 1:
                     band[offset, 1:, column] = self.upper[:, row, column]
         return band.reshape(2 * fields, -1)
+
+
+def _eliminate(
+    gram: Array, target: Array, cost: float, kept: int
+) -> tuple[Array, Array, float] | None:
+    """Return G, g and c in the first unknowns, with the others at their best; None if singular."""
+    border, rest = gram[:kept, kept:], target[kept:]
+    if not len(rest):
+        return gram, target, cost
+    right = np.concatenate([border.T, rest[:, None]], axis=1)
+    try:
+        solved = solve(gram[kept:, kept:], right, assume_a="pos")
+    except (LinAlgError, ValueError):
+        return None
+    inner = gram[:kept, :kept] - border @ solved[:, :-1]
+    return (
+        (inner + inner.T) / 2,
+        target[:kept] - border @ solved[:, -1],
+        cost - float(rest @ solved[:, -1]),
+    )

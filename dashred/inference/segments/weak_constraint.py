@@ -1,10 +1,10 @@
 """Weak-constraint least squares over segments: states at all nodes, the law, and model error.
 
 The unknowns are the state x_k at the beginning of every segment, the walks u_k of forces and sensor
-errors, and the coefficients ξ::
+errors, the coefficients ξ, and the changes c of uncertain parameters::
 
     F = Σ ‖(H Φ(x_k; ξ, u_k) + b(u_k) - y)/σ‖² + Σ ‖(x_{k+1} - Φ(x_k; ξ, u_k))/q‖²
-        + Σ ‖(u_{k+1} - A u_k)/τ‖² + Σ_e ‖(x_0 - m)/B‖² + Σ_e ‖u_0/τ_0‖² + ‖ξ/d‖²
+        + Σ ‖(u_{k+1} - A u_k)/τ‖² + Σ_e ‖(x_0 - m)/B‖² + Σ_e ‖u_0/τ_0‖² + ‖ξ/d‖² + ‖(c - c̄)/s‖²
 
 q is the model error of each field between two nodes; q → 0 is the strong constraint, one
 trajectory (Trémolet, *Accounting for an imperfect model in 4D-Var*, 2006).
@@ -19,6 +19,7 @@ import numpy as np
 
 from dashred.core.budget import NEVER, Deadline
 from dashred.inference.forward.candidates import Candidate
+from dashred.inference.forward.parameter_block import NO_PARAMETERS, ParameterBlock
 from dashred.inference.segments.block_tridiagonal import BlockNormal
 from dashred.inference.segments.point import Linearisation, Point
 from dashred.inference.segments.segment_simulator import SegmentSimulator
@@ -41,6 +42,7 @@ class WeakConstraintProblem:
         start_std: B, ``(field,)``.
         prior_std: d, ``(candidate,)``.
         walks: forces and sensor errors.
+        parameters: uncertain parameters, with c̄ and s.
         deadline: time at which fits of it end.
     """
 
@@ -53,6 +55,7 @@ class WeakConstraintProblem:
     start_std: Array
     prior_std: Array
     walks: Walks = NO_WALKS
+    parameters: ParameterBlock = NO_PARAMETERS
     deadline: Deadline = NEVER
 
     @property
@@ -83,10 +86,16 @@ class WeakConstraintProblem:
         chosen = list(members)
         return tuple(self.candidates[j] for j in chosen), point.xi[chosen]
 
+    def changes(self, point: Point, members: Sequence[int]) -> tuple[tuple[Candidate, ...], Array]:
+        """Return all changes of the tendency: some candidates, then the uncertain parameters."""
+        candidates, xi = self.terms(point, members)
+        whole = (*candidates, *self.parameters.candidates)
+        return whole, np.concatenate([xi, point.parameters])
+
     def states(self, point: Point, members: Sequence[int]) -> Array:
         """Return the states with some members alone, ``(segment, sample, field)``."""
         force = self.walks.forces(point.walked, self.simulator.fields)
-        return self.simulator.run(point.nodes, *self.terms(point, members), force)
+        return self.simulator.run(point.nodes, *self.changes(point, members), force)
 
     def read(self, states: Array, point: Point) -> Array:
         """Return readings of states, with sensor errors, ``(segment, sample, sensor)``."""
@@ -111,7 +120,7 @@ class WeakConstraintProblem:
         segments, walks, fields = self.segments, self.walks, self.simulator.fields
         force = walks.forces(point.walked, fields)
         states, columns = self.simulator.linearise(
-            point.nodes, *self.terms(point, members), force, walks.forced
+            point.nodes, *self.changes(point, members), force, walks.forced
         )
         if not (np.isfinite(states).all() and np.isfinite(columns).all()):
             return None
@@ -167,9 +176,9 @@ class WeakConstraintProblem:
         damped = np.einsum("kii->ki", diagonal).copy()
         damped[:, fields:] = seen[:, fields:]
         node_gradient[begins] -= self._off_start(point) / self._first_std
-        precision = self.prior_std[chosen] ** -2
-        corner = hessian[:, inner:, inner:].sum(axis=0) + np.diag(precision)
-        shared = gradient[:, inner:].sum(axis=0) - precision * point.xi[chosen]
+        std = np.concatenate([self.prior_std[chosen], self.parameters.stds.numpy()])
+        corner = hessian[:, inner:, inner:].sum(axis=0) + np.diag(std**-2)
+        shared = gradient[:, inner:].sum(axis=0) - self._off_prior(point, chosen) / std
         cost = self._misfit(found.states, point) + self._penalty(point, chosen)
         return BlockNormal(diagonal, upper, border, corner, node_gradient, shared, cost, damped)
 
@@ -208,7 +217,13 @@ class WeakConstraintProblem:
         residuals, defects = self._residuals(states, point), self._defects(states, point)
         return float(np.square(residuals).sum() + np.square(defects).sum())
 
-    def _penalty(self, point: Point, members: Sequence[int]) -> float:
-        chosen = list(members)
+    def _off_prior(self, point: Point, members: Sequence[int]) -> Array:
+        """Return ``ξ/d`` and ``(c - c̄)/s``, ``(member + parameter,)``."""
+        chosen, known = list(members), self.parameters
         law = point.xi[chosen] / self.prior_std[chosen]
-        return float(np.square(self._off_start(point)).sum() + np.square(law).sum())
+        changes = (point.parameters - known.means.numpy()) / known.stds.numpy()
+        return np.concatenate([law, changes])
+
+    def _penalty(self, point: Point, members: Sequence[int]) -> float:
+        off = self._off_start(point), self._off_prior(point, members)
+        return float(sum(np.square(each).sum() for each in off))

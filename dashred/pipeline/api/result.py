@@ -75,6 +75,13 @@ class Result:
         return terms_table(self.findings)
 
     @cached_property
+    def fitted_parameters(self) -> pd.DataFrame:
+        """The parameters that are stated with a spread, one per row, with 95 % intervals."""
+        from dashred.pipeline.api.tables import fitted_parameters_table
+
+        return fitted_parameters_table(self.findings)
+
+    @cached_property
     def alternatives(self) -> pd.DataFrame:
         """The other laws that were compared, one per row, with the evidence against them."""
         from dashred.pipeline.api.tables import alternatives_table

@@ -1,4 +1,4 @@
-"""Tables of the terms and of the alternative laws."""
+"""Tables of the terms, of the fitted parameters and of the alternative laws."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ TERMS = (
     *("equation", "term", "coefficient", "std", "low", "high", "unit"),
     *("from", "to", "inclusion", "acts", "says"),
 )
+FITTED = ("parameter", "value", "std", "low", "high", "stated", "spread", "unit", "exact")
 ALTERNATIVES = ("law", "delta_bic", "rival", "same_as_best")
 
 
@@ -32,6 +33,20 @@ def terms_table(findings: Mapping[str, Any]) -> pd.DataFrame:
         where = {"region": term["region"], "regime": None}
         rows.append({**term, "low": low, "high": high, "acts": extent(where, units)})
     return pd.DataFrame(rows, columns=list(TERMS))
+
+
+def fitted_parameters_table(findings: Mapping[str, Any]) -> pd.DataFrame:
+    """Return a table with one row for each parameter that is stated with a spread.
+
+    The columns are ``parameter``; its fitted ``value`` and its ``std``; the bounds ``low`` and
+    ``high`` of the 95 % interval; the ``stated`` value and its ``spread``; the ``unit`` if it is
+    known; and ``exact``, False for a value that is correct to first order.
+    """
+    rows = []
+    for each in findings.get("fitted_parameters", ()):
+        low, high = each["ci95"]
+        rows.append({**each, "low": low, "high": high})
+    return pd.DataFrame(rows, columns=list(FITTED))
 
 
 def alternatives_table(findings: Mapping[str, Any]) -> pd.DataFrame:

@@ -14,6 +14,7 @@ from dashred.inference.fit.stepwise_selection import (
     select,
 )
 from dashred.inference.forward.candidates import Candidate, build_candidates, indices_by_name
+from dashred.inference.forward.parameter_block import split_parameters
 from dashred.inference.hypotheses.comparison.comparison import Comparison
 from dashred.inference.hypotheses.result import Discovery
 from dashred.inference.segments.findings.force_map import force_map
@@ -84,12 +85,19 @@ def discover(
         seconds: run time by stage, updated.
     """
     samples = state_samples(problem, nominal)
-    candidates = build_candidates(
-        samples.system, problem.library, samples.states, samples.times, problem.extensions
+    parameters, candidates = split_parameters(
+        build_candidates(
+            samples.system,
+            problem.library,
+            samples.states,
+            samples.times,
+            problem.extensions,
+            problem.parameter_priors,
+        )
     )
     proposals = _proposals(problem, candidates, assimilated)
     with run.child("discover") as child:
-        simulator = exact_simulator(problem, candidates)
+        simulator = exact_simulator(problem, candidates, parameters=parameters)
         weak = problem.config.discovery.weak
         explained = segments is not None and is_explained(segments)
         followed = None
@@ -238,6 +246,8 @@ def _proposals(
     names = [f"{term.equation}: {term}" for term in problem.library]
     sets = []
     for fit in assimilated.proposals.values():
-        chosen = {index[name] for name, value in zip(names, fit.coefficients, strict=True) if value}
+        named = zip(names, fit.coefficients, strict=True)
+        # A term that an uncertain parameter replaces is no candidate.
+        chosen = {index[name] for name, value in named if value and name in index}
         sets.append(tuple(sorted(chosen)))
     return [members for members in sets if members]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from torch import Tensor
 
+from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.forecast_choice import (
     FITTED_SHARE,
     MOST_TERMS,
@@ -15,7 +16,7 @@ from dashred.inference.fit.forecast_choice import (
     forecast_of,
     smallest_sufficient,
 )
-from dashred.inference.fit.law import Law, build_law
+from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.stepwise_selection import RefittedSet, Selection, term_penalty

@@ -9,14 +9,14 @@ from torch import Tensor
 
 from dashred.core.budget import NEVER
 from dashred.core.progress import Report
-from dashred.inference.fit.law import Law, build_law
+from dashred.inference.fit.fitted_law import build_law
+from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise, minimise_growing_horizon
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.fit.stepwise_selection import RefittedSet
 from dashred.inference.forward.candidates import Candidate, replaced_terms
 from dashred.inference.forward.law_block import LawBlock
-from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.comparison.compare_hypotheses import compare_hypotheses
 from dashred.inference.hypotheses.comparison.comparison import Additions, Comparison
 from dashred.inference.hypotheses.extended.extended_library import build_extended_candidates
@@ -27,7 +27,7 @@ from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.physics.window import window_shapes
 from dashred.pipeline.discovery.first_guess_stage import FittedGuess
-from dashred.pipeline.discovery.least_squares import fit_noise, simulator_with
+from dashred.pipeline.discovery.least_squares import exact_simulator, fit_noise
 from dashred.pipeline.discovery.prior_start import fit_near_prior
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
@@ -155,12 +155,16 @@ def _with_additions(
     samples = state_samples(problem, nominal)
     system, states, times = samples.system, samples.states, samples.times
     known = list(objective.forward_model.law.candidates)
-    local = replaced_terms(system, problem.library, known, states, times)
+    parameters = objective.forward_model.simulator.parameters
+    changed = [*parameters.candidates, *known]
+    local = replaced_terms(system, problem.library, changed, states, times)
     everything = _with_candidates(objective, local, problem.config.discovery.weak)
     additions = Additions(
         global_count=len(known),
         tendency_rms=tendency_size(system, states, times),
-        windowed_simulator=lambda: _windowed_simulator(problem, [*known, *local]),
+        windowed_simulator=lambda: exact_simulator(
+            problem, [*known, *local], window_shapes(problem.system), parameters
+        ),
         extended_candidates=lambda: build_extended_candidates(
             system, problem.library, states, times
         ),
@@ -252,10 +256,6 @@ def _with_candidates(
     return objective.with_unknowns(
         replace(forward_model, law=law), weak * law.scales[len(objective.prior_std) :]
     )
-
-
-def _windowed_simulator(problem: Problem, candidates: Sequence[Candidate]) -> Simulator:
-    return simulator_with(problem, candidates, window_shapes(problem.system))
 
 
 def tendency_size(system: System, states: Tensor, times: Tensor) -> Tensor:

@@ -15,6 +15,7 @@ from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.episodes import stack_readings, stack_times
 from dashred.inference.forward.forward_model import ForwardModel
 from dashred.inference.forward.law_block import LawBlock
+from dashred.inference.forward.parameter_block import NO_PARAMETERS, ParameterBlock
 from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.initial_state.start_models import StartModel
@@ -23,21 +24,28 @@ from dashred.physics.window import Shape
 from dashred.pipeline.problem import Problem
 
 
-def exact_simulator(problem: Problem, candidates: Sequence[Candidate]) -> Simulator:
-    """Return the simulator with all candidates; its derivative uses longer time steps."""
-    return simulator_with(problem, candidates)
-
-
-def simulator_with(
-    problem: Problem, candidates: Sequence[Candidate], shapes: tuple[Shape, ...] = ()
+def exact_simulator(
+    problem: Problem,
+    candidates: Sequence[Candidate],
+    shapes: tuple[Shape, ...] = (),
+    parameters: ParameterBlock = NO_PARAMETERS,
 ) -> Simulator:
-    """Return the simulator of every episode; without inputs it is compiled only once."""
-    dt = problem.ensemble_system.dt
-    first = CandidateSimulator(problem.system, dt, candidates, shapes)
+    """Return the simulator of every episode; without inputs it is compiled only once.
+
+    Its derivative uses longer time steps.
+
+    Args:
+        problem: the episodes and their systems.
+        candidates: terms that may be missing.
+        shapes: shapes of the windows in which they may act.
+        parameters: uncertain parameters.
+    """
+    dt, whole = problem.ensemble_system.dt, [*parameters.candidates, *candidates]
+    first = CandidateSimulator(problem.system, dt, whole, shapes)
     if not problem.system.inputs:
-        return Simulator([first] * len(problem.episodes))
-    others = (CandidateSimulator(e.system, dt, candidates, shapes) for e in problem.others)
-    return Simulator([first, *others])
+        return Simulator([first] * len(problem.episodes), parameters)
+    others = (CandidateSimulator(e.system, dt, whole, shapes) for e in problem.others)
+    return Simulator([first, *others], parameters)
 
 
 def coarse_simulator(problem: Problem, simulator: Simulator, resolution: Resolution) -> Simulator:

@@ -167,15 +167,16 @@ def _distinct(found: SegmentSearch, further: Sequence[Candidate]) -> list[Candid
     exponential of a large field, could make up for an outlier.
     """
     weak, nodes = found.problem, found.best.fit.point.nodes
-    _, columns, equations, owners = weak.simulator.tendencies(nodes, [*weak.candidates, *further])
+    candidates = [*weak.parameters.candidates, *weak.candidates]
+    _, columns, equations, owners = weak.simulator.tendencies(nodes, [*candidates, *further])
     units = columns / np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), 1e-300)
     alike = (np.abs(units @ units.T) > ALIKE) & (equations[:, None] == equations)
-    known = owners < len(weak.candidates)
+    known = owners < len(candidates)
     squares = np.square(units)
     spread = squares.sum(axis=1) ** 2 / np.maximum(np.square(squares).sum(axis=1), 1e-300)
     few = spread < FEWEST_SHARE * len(nodes)
     taken = {int(j) for j in owners[alike[:, known].any(axis=1) | few]}
-    return [c for j, c in enumerate(further, start=len(weak.candidates)) if j not in taken]
+    return [c for j, c in enumerate(further, start=len(candidates)) if j not in taken]
 
 
 def _scales(found: SegmentSearch, further: Sequence[Candidate]) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ from torch import Tensor
 from dashred.core.budget import NEVER
 from dashred.core.progress import Report, stage
 from dashred.inference.fit.first_window import first_samples
-from dashred.inference.fit.law import build_law
+from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.simulator import Simulator

@@ -14,7 +14,7 @@ from dashred.core.progress import Report
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from dashred.inference.fit.stepwise_selection import Selection, select
-from dashred.inference.initial_state.start_models import StartModel, project_state
+from dashred.inference.initial_state.start_models import StartModel
 
 STEPS, TOLERANCE = 10, 1e-4
 # The fit with the prior is accepted if its misfit is at most this many times the misfit before. A
@@ -39,7 +39,7 @@ def fit_near_prior(
         return None
     z, xi = objective.split(phi)
     with_prior = objective.with_start(prior)
-    initial = project_state(prior, objective.forward_model.start.start(z[None])[0])
+    initial = objective.forward_model.move_to(prior, z)
     fitted = minimise(with_prior, torch.cat([initial, xi]), STEPS, TOLERANCE)
     _, trials = objective.values(phi[None])
     before = float(trials.residuals.square().sum())

@@ -38,8 +38,9 @@ def follow_segments(
     order = sorted(range(len(members)), key=members.__getitem__)
     chosen = tuple(members[j] for j in order)
     begins = best.fit.point.nodes[segments.problem.segments.begins]
-    z = project_state(objective.forward_model.start, torch.from_numpy(begins))
-    phi = torch.cat([z, torch.from_numpy(xi)[order]])
+    model, changes = objective.forward_model, torch.from_numpy(best.fit.point.parameters)
+    z = project_state(model.start, torch.from_numpy(begins))
+    phi = torch.cat([z, model.scaled_changes(changes), torch.from_numpy(xi)[order]])
     law = objective.subset(chosen)
     fitted = minimise(law, phi, STEPS, TOLERANCE)
     limit = MAX_RATIO * max(1.0, segments.level) * objective.noise.count
@@ -52,5 +53,5 @@ def follow_segments(
     samples, level = len(objective.recorded), fitted.chi2 / max(1, objective.noise.count)
     whole = objective.embed(fitted.phi, chosen)
     horizon = HorizonFit(whole, chosen, fitted.readings, samples, True, [(samples, level)])
-    start, z = objective.forward_model.start, fitted.phi[: objective.modes]
-    return FittedGuess("segments", start, z, level**0.5), horizon
+    guess = FittedGuess("segments", model.start, fitted.phi[: objective.modes], level**0.5)
+    return guess, horizon

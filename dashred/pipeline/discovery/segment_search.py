@@ -8,6 +8,7 @@ import numpy as np
 
 from dashred.core.budget import Deadline
 from dashred.inference.forward.candidates import Candidate, build_candidates
+from dashred.inference.forward.parameter_block import split_parameters
 from dashred.inference.segments.natural_scales import natural_scales
 from dashred.inference.segments.selection.equivalent_laws import merge_equivalent
 from dashred.inference.segments.selection.search import SegmentSearch, search
@@ -39,7 +40,11 @@ def search_library(problem: Problem, nominal: NominalRun) -> SegmentSearch | Non
     system = problem.system
     reference = state_samples(problem, nominal)
     candidates = build_candidates(
-        reference.system, problem.library, reference.states, reference.times
+        reference.system,
+        problem.library,
+        reference.states,
+        reference.times,
+        priors=problem.parameter_priors,
     )
     terms = [term for candidate in candidates for term in candidate.terms]
     if not has_ode_tangents(system, terms):
@@ -71,8 +76,8 @@ def _search_once(
             return None
         weak, nodes = found.problem, found.best.fit.point.nodes
         noise = weak.noise_std * np.sqrt(found.level)
-        terms = found.terms(found.best)
-        resolved = resolve_steps(weak.simulator, weak.sensors, noise, nodes, *terms)
+        changes = weak.changes(found.best.fit.point, found.best.members)
+        resolved = resolve_steps(weak.simulator, weak.sensors, noise, nodes, *changes)
         fine = resolved.substeps == weak.simulator.substeps
         if fine or found.level > LOST or weak.deadline.is_over:
             return found
@@ -80,8 +85,9 @@ def _search_once(
 
 
 def _search_record(
-    record: SegmentedRecord, candidates: list[Candidate], deadline: Deadline
+    record: SegmentedRecord, found: list[Candidate], deadline: Deadline
 ) -> SegmentSearch | None:
+    parameters, candidates = split_parameters(found)
     scales = natural_scales(
         record.simulator, record.sensors, candidates, record.guesses[-1], record.size
     )
@@ -94,7 +100,8 @@ def _search_record(
         start_mean=record.start_mean,
         start_std=START_FACTOR * record.start_std,
         prior_std=scales.coefficient,
+        parameters=parameters,
         deadline=deadline,
     )
-    found = search(weak, record.guesses, scales)
-    return found if math.isfinite(found.best.score) else None
+    searched = search(weak, record.guesses, scales)
+    return searched if math.isfinite(searched.best.score) else None

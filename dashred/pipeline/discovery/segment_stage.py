@@ -27,6 +27,7 @@ from dashred.pipeline.discovery.library_choice import (
     is_explained,
     search_libraries,
 )
+from dashred.pipeline.discovery.relinearisation import about_fitted_parameters
 from dashred.pipeline.discovery.segment_search import STAGE
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
@@ -34,6 +35,8 @@ from dashred.pipeline.simulation.segmented_record import can_restart
 
 # Laws that are reported, and how far from the best.
 MAX_LAWS, SCORE_MARGIN = 8, 12.0
+# Searches about other values of uncertain parameters.
+PARAMETER_ROUNDS = 4
 # If an error of the start grows by more than this factor over the record, no single trajectory is
 # fitted (natural logarithm).
 CHAOTIC = math.log(1e3)
@@ -55,7 +58,7 @@ def search_in_segments(
     if not can_restart(problem):
         return problem, None
     with stage(STAGE, seconds) as report, np.errstate(all="ignore"):
-        problem, found = search_libraries(problem, nominal)
+        problem, found = _search_about_parameters(problem, nominal)
         if found is None:
             report(1.0, "no set of terms could be fitted")
         else:
@@ -64,6 +67,19 @@ def search_in_segments(
     if problem.deadline(STAGE).is_over:
         problem.budget.leave_out("further sets of terms over segments")
     return problem, found
+
+
+def _search_about_parameters(
+    problem: Problem, nominal: NominalRun
+) -> tuple[Problem, SegmentSearch | None]:
+    """Search about the fitted values of uncertain parameters, until these stay."""
+    searched, found = search_libraries(problem, nominal)
+    for _ in range(PARAMETER_ROUNDS):
+        values = None if found is None else about_fitted_parameters(searched, found)
+        if values is None or problem.deadline(STAGE).is_over:
+            break
+        searched, found = search_libraries(problem.with_parameters(values), nominal)
+    return searched, found
 
 
 def is_chaotic(found: SegmentSearch) -> bool:

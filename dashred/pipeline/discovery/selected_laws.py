@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from dashred.inference.fit.law import Law, build_selected_law
+from dashred.inference.fit.fitted_law import build_selected_law
+from dashred.inference.fit.law import Law
 from dashred.inference.fit.stepwise_selection import (
     RefittedSet,
     Selection,

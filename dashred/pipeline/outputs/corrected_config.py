@@ -16,7 +16,9 @@ from dashred.core.files.atomic import write_text_atomic
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.inference.results.explanation import terms_of_law
+from dashred.inference.results.fitted_parameters import fitted_parameters
 from dashred.physics.system import System
+from dashred.reporting.text.fitted_parameters import TITLE, fitted_parameter_text
 from dashred.reporting.wording.findings_text import law_text
 
 NAME = "corrected.yaml"
@@ -24,6 +26,7 @@ NAME = "corrected.yaml"
 RUN_KEYS = ("output", "tracking")
 RECORDING_KEYS = ("twin", "path", "sensors", "noise", "std", "duration", "ignore", "reads")
 WIDTH = 96
+NO_TERM = "With the fitted parameters, the recording shows no missing term."
 
 
 def write_corrected(
@@ -37,9 +40,9 @@ def write_corrected(
     """Write the configuration of the corrected simulator atomically.
 
     It contains the keys of the user's file and command line, with the equations and parameters of
-    :func:`dashred.inference.results.corrected_system.correct`. The defaults stay in
-    ``conf/base.yaml``. It contains no path, so it runs in any folder. The remark is part of its
-    header.
+    :func:`dashred.inference.results.corrected_system.build_corrected_system`. Uncertain parameters
+    have their fitted values, without a spread. The defaults stay in ``conf/base.yaml``. It contains
+    no path, so it runs in any folder. The remark is part of its header.
     """
     values = _user_values(config)
     corrected = build_corrected_system(system, law)
@@ -49,6 +52,8 @@ def write_corrected(
         _put(values, ["system", "integrator", "dt"], system.dt)
     # The equations replace the Python class of the simulator.
     values["system"].pop("class", None)
+    # Uncertain parameters have their fitted values.
+    values["system"].pop("parameter_spread", None)
     # The structure was declared for the uncorrected equations and would be refused with others.
     if _loses_structure(config, corrected):
         values["system"].pop("structure", None)
@@ -100,7 +105,7 @@ def _header(config: Config, system: System, law: Law, recording_sha256: str, rem
     lines = [
         f"{system.title}, corrected: the simulation with the law that dashred found.",
         "",
-        law_text(terms_of_law(system, law), system),
+        *_law_lines(system, law),
         *([remark] if remark else []),
         "",
         f"Found from the recording with sha256 {recording_sha256[:16]}…, seed {config.seed}; "
@@ -116,6 +121,15 @@ def _header(config: Config, system: System, law: Law, recording_sha256: str, rem
         lines[-1] += " recording.sensors=TABLE"
     wrapped = [part for line in lines for part in wrap(line, WIDTH - 2) or [""]]
     return "\n".join(f"# {line}".rstrip() for line in wrapped)
+
+
+def _law_lines(system: System, law: Law) -> list[str]:
+    """Return the law in words, and the fitted parameters, one a line."""
+    terms, fitted = terms_of_law(system, law), fitted_parameters(system, law)
+    if not fitted:
+        return [law_text(terms, system)]
+    listed = [f" {fitted_parameter_text(each)}" for each in fitted]
+    return [law_text(terms, system) if terms else NO_TERM, "", f"{TITLE}:", *listed]
 
 
 def _structure_note(config: Config, corrected: System) -> list[str]:

@@ -32,6 +32,7 @@ from dashred.inference.results.explanation import (
     smaller_laws,
     terms_of_discovery,
 )
+from dashred.inference.results.fitted_parameters import fitted_parameters
 from dashred.inference.results.location import locate
 from dashred.inference.results.verdict import unexplained_share, verdict, with_faults
 from dashred.physics.runs.resolution import Resolution
@@ -121,6 +122,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
             names,
         ),
         terms=terms_of_discovery(problem.system, discovered),
+        fitted_parameters=fitted_parameters(problem.system, discovered.best),
         alternatives=alternatives(discovered, problem.system),
         smaller=smaller_laws(discovered, problem.system),
         also_supported=also_supported(discovered, problem.system),

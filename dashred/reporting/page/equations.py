@@ -6,11 +6,15 @@ from typing import Any
 
 from dashred.core.formatting import MINUS, number, pretty, rounded
 from dashred.core.units import NO_UNITS, with_unit
+from dashred.reporting.text.fitted_parameters import fitted_parameter_text
 from dashred.reporting.text.regions import bounds
 
 
 def equations(findings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the equation of each field with its added terms, and the changed parameters."""
+    """Return the equation of each field with its added terms, and the parameters with new values.
+
+    Parameters that the law changes are apart from those that were fitted within their spreads.
+    """
     system = findings["input"]["config"].get("system", {})
     terms, units = findings["terms"] or [], findings.get("units", NO_UNITS)
     rates = [
@@ -25,6 +29,7 @@ def equations(findings: Mapping[str, Any]) -> dict[str, Any]:
         "d": "∂" if system.get("axes") else "d",
         "rates": rates,
         "changed": [_parameter(term, units) for term in terms if term["equation"] is None],
+        "fitted": [fitted_parameter_text(each) for each in findings.get("fitted_parameters", ())],
         "let": {name: _format_expression(text) for name, text in system.get("let", {}).items()},
     }
 

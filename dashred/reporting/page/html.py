@@ -14,6 +14,7 @@ from dashred.reporting.page.equations import equations
 from dashred.reporting.page.method import method_rows, provenance_rows
 from dashred.reporting.page.views import read_figures
 from dashred.reporting.text import verdict
+from dashred.reporting.text.fitted_parameters import fitted_parameter_lines
 from dashred.reporting.text.headline import headline
 from dashred.reporting.text.improvement import (
     UNTESTED,
@@ -63,6 +64,7 @@ def page(
     return render(
         TEMPLATE,
         **_head(findings, main_effects),
+        fitted_parameters=fitted_parameter_lines(findings),
         untested=findings["verdict"] in UNTESTED,
         location=verdict.location(findings["where"], units) if terms else [],
         consequences=verdict.consequences(findings),
@@ -88,7 +90,7 @@ def page(
 def _forecast_errors(findings: Mapping[str, Any]) -> list[str]:
     """Return the errors in the held-out time with the correction and without it; or nothing."""
     errors = findings["fit"]["heldout_time"] or {}
-    known = [errors.get("corrected"), errors.get(reference(findings["verdict"]))]
+    known = [errors.get("corrected"), errors.get(reference(findings))]
     return [] if None in known else [f"{error:.3g}" for error in known]
 
 
@@ -114,9 +116,8 @@ def _statements(findings: Mapping[str, Any]) -> list[str]:
     if kind is None:
         return []
     causes = [] if kind == "outside-library" else verdict.causes(findings)
-    description = verdict.VERDICTS.get(kind, "see findings.json")
     return [
-        f"Verdict: {kind}: {description}.",
+        f"Verdict: {kind}: {verdict.meaning(findings)}.",
         *contradictions(findings),
         *causes,
         *verdict.source(findings),

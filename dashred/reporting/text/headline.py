@@ -6,7 +6,8 @@ from typing import Any
 from dashred.core.formatting import number
 from dashred.core.units import NO_UNITS
 from dashred.reporting.text.causes import cause_text, fault_causes
-from dashred.reporting.text.improvement import OTHER_CAUSES, is_lost, reference
+from dashred.reporting.text.fitted_parameters import values_in_a_row
+from dashred.reporting.text.improvement import OTHER_CAUSES, has_only_parameters, is_lost, reference
 from dashred.reporting.text.parameters import short_parameter_text
 from dashred.reporting.text.sources import short_source_text
 from dashred.reporting.text.verdict import FEW, located_source, sentence
@@ -28,7 +29,9 @@ def headline(findings: Mapping[str, Any], mostly: Sequence[str] = ()) -> str:
         findings: of ``findings.json``.
         mostly: of many terms, the effects of the few that explain nearly all.
     """
-    is_corrected = findings["terms"] or findings["verdict"] in OTHER_CAUSES
+    is_corrected = (
+        findings["terms"] or findings["verdict"] in OTHER_CAUSES or has_only_parameters(findings)
+    )
     improvement = _improvement(findings) if is_corrected else None
     # A fault that is the verdict is in the conclusion.
     has_law = findings["verdict"] in ("missing-term", "parameter", "outside-library")
@@ -52,7 +55,7 @@ def gain(findings: Mapping[str, Any]) -> tuple[str, float] | None:
         if findings["terms"] and is_lost(fit, key):
             continue
         errors = fit.get(key) or {}
-        before, after = errors.get(reference(verdict)), errors.get("corrected")
+        before, after = errors.get(reference(findings)), errors.get("corrected")
         if findings["terms"] and key in compared:
             before, after = compared[key]["before"], compared[key]["after"]
         if verdict == "unconfirmed" and not compared.get(key, {}).get("worse"):
@@ -68,13 +71,20 @@ def _conclusion(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
     missing = _listed(effects, mostly)
     changed = [short_parameter_text(term) for term in terms if term["equation"] is None]
     units = findings.get("units", NO_UNITS)
+    fitted = findings.get("fitted_parameters")
+    simulation = "the simulation with the fitted parameters" if fitted else "the simulation"
     match findings["verdict"]:
+        case "nothing-missing" if fitted:
+            return (
+                f"the equations with {values_in_a_row(fitted)} explain the recording: these "
+                "sensors show no missing term"
+            )
         case "nothing-missing":
             return "the simulation agrees with the recording: these sensors show nothing missing"
         case "initial-condition":
-            return "the simulation agrees with the recording, but it starts from the wrong state"
+            return f"{simulation} agrees with the recording, but it starts from the wrong state"
         case "sensor-fault":
-            return f"the simulation agrees with the recording, but {_faults(findings)}"
+            return f"{simulation} agrees with the recording, but {_faults(findings)}"
         case "unresolved-numerics":
             return "no conclusion is possible: the simulation's grid or time step is too coarse"
         case "not-converged":

@@ -21,13 +21,20 @@ HELD_OUT = {
 }
 
 
-def reference(verdict: str | None) -> str:
+def reference(findings: Mapping[str, Any]) -> str:
     """Return the method that the corrected simulation is compared with.
 
-    It is the simulation from its own best start. If the start itself is the correction, it is the
-    simulation from its nominal start.
+    It is the simulation from its own best start, with fitted parameters if there are any. If the
+    start or the parameters themselves are the correction, it is the simulation as it is stated.
     """
-    return "simulation_same_start" if verdict == "initial-condition" else "simulation_refit"
+    is_start = findings["verdict"] == "initial-condition"
+    is_stated = is_start or has_only_parameters(findings)
+    return "simulation_same_start" if is_stated else "simulation_refit"
+
+
+def has_only_parameters(findings: Mapping[str, Any]) -> bool:
+    """Return whether fitted parameters are all that was corrected."""
+    return findings["verdict"] == "nothing-missing" and bool(findings.get("fitted_parameters"))
 
 
 def improvements(findings: Mapping[str, Any]) -> list[str]:
@@ -35,6 +42,8 @@ def improvements(findings: Mapping[str, Any]) -> list[str]:
     lines, verdict, fit = [], findings["verdict"], findings["fit"]
     start = "the same start" if findings["terms"] else "its nominal start"
     best = "its best start"
+    if findings.get("fitted_parameters"):
+        best += " with the fitted parameters"
     if verdict == "initial-condition":
         best += " under the stated prior"
     for key, place in HELD_OUT.items():
@@ -43,14 +52,16 @@ def improvements(findings: Mapping[str, Any]) -> list[str]:
         same_start, refit, corrected = (errors.get(name) for name in names)
         if refit is None and corrected is None:
             continue
-        parts = [
-            f"{_size(refit)} for the simulation from {best}",
-            f"{_size(corrected)} for the corrected simulation",
-        ]
+        if has_only_parameters(findings) and same_start is None:
+            # Nothing else was corrected, so there is nothing to compare with.
+            continue
+        parts = [f"{_size(corrected)} for the corrected simulation"]
+        if not has_only_parameters(findings):
+            parts.insert(0, f"{_size(refit)} for the simulation from {best}")
         if same_start is not None:
             parts.insert(0, f"{_size(same_start)} for the simulation from {start}")
         # After a restart, the start of the recording has no effect.
-        before = refit if key == "heldout_restarted" else errors.get(reference(verdict))
+        before = refit if key == "heldout_restarted" else errors.get(reference(findings))
         change = _factor(before, corrected)
         if findings["terms"] and is_lost(fit, key):
             change = "both runs of this chaotic system are lost before then"

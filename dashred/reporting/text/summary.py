@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from dashred.core.findings.methods import AT_SENSORS, method_label
 from dashred.core.units import NO_UNITS, TIME, with_unit
+from dashred.reporting.text.fitted_parameters import TITLE, fitted_parameter_lines
 from dashred.reporting.text.verdict import sentence, verdict_lines
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ def summary(
     fit = findings["fit"]
     blocks = [
         verdict_lines(findings),
+        _fitted_parameters(findings),
         _budget(findings.get("budget")),
         _compared(findings["input"], findings.get("units", NO_UNITS)),
         _errors("Test sensors, not used in any fit", fit["test_sensors"]),
@@ -49,6 +51,11 @@ def print_summary(text: str, console: "Console | None" = None) -> None:
     console = console or Console()
     console.rule("dashred")
     console.print(Text(text.rstrip()), soft_wrap=True)
+
+
+def _fitted_parameters(findings: Mapping[str, Any]) -> list[str]:
+    lines = fitted_parameter_lines(findings)
+    return [f"{TITLE}:", *(f"  {line}" for line in lines)] if lines else []
 
 
 def _budget(budget: Mapping[str, Any] | None) -> list[str]:

@@ -31,6 +31,8 @@ VERDICTS = {
     "no-mismatch-seen": "the recording agrees with the simulation's snapshots",
     "unconfirmed": "an explanation fits the recording, but the held-out data contradict it",
 }
+# The meaning of nothing-missing if the simulation agrees with fitted parameters.
+NOTHING_BESIDE_PARAMETERS = "the equations with the fitted parameters explain the recording"
 PARTS = {
     "H": "H, the energy",
     "J": "J, the exchange of energy",
@@ -51,7 +53,7 @@ def verdict_lines(findings: Mapping[str, Any]) -> list[str]:
     verdict = findings["verdict"]
     if verdict is None:
         return []
-    head = f"Verdict: {verdict}: {VERDICTS.get(verdict, 'see findings.json')}."
+    head = f"Verdict: {verdict}: {meaning(findings)}."
     unknown = limits(findings)
     body = [
         *contradictions(findings),
@@ -70,6 +72,14 @@ def verdict_lines(findings: Mapping[str, Any]) -> list[str]:
         *(f"- {text}" for text in unknown),
     ]
     return [head, *(f"  {line}" for line in body)]
+
+
+def meaning(findings: Mapping[str, Any]) -> str:
+    """Return the meaning of the verdict in a few words."""
+    verdict = findings["verdict"]
+    if verdict == "nothing-missing" and findings.get("fitted_parameters"):
+        return NOTHING_BESIDE_PARAMETERS
+    return VERDICTS.get(verdict, "see findings.json")
 
 
 def causes(findings: Mapping[str, Any]) -> list[str]:

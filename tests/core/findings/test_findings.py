@@ -95,9 +95,10 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> 
 def test_what_was_not_looked_for_is_null() -> None:
     found = new_findings(SOURCE)
     assert set(found) == set(Findings.__annotations__) - {"units", "budget"}
-    given = {"fit", "latent", "input", "also_supported"}
+    given = {"fit", "latent", "input", "also_supported", "fitted_parameters"}
     assert {key for key, value in found.items() if value is not None} == given
-    assert found["also_supported"] == [] and found["fit"]["comparisons"] == []
+    assert found["also_supported"] == [] and found["fitted_parameters"] == []
+    assert found["fit"]["comparisons"] == []
     assert found["fit"]["test_sensors"] == errors_by_method()
     assert set(errors_by_method().values()) == {None}
     assert found["latent"] == {"alg1": None, "alg2": None}

@@ -9,7 +9,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.law import Law, build_selected_law
+from dashred.inference.fit.fitted_law import build_selected_law
+from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from tests import laws

@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.law import build_law
+from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise, minimise_in_rounds
 from dashred.inference.hypotheses import hypothesis_fit
 from dashred.inference.hypotheses.hypothesis_fit import LOST_CHI2, POOR_CHI2, HypothesisFit, refine

@@ -12,7 +12,8 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
-from dashred.inference.fit.law import Law, build_law
+from dashred.inference.fit.fitted_law import build_law
+from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.noise_model import NoiseModel

@@ -48,6 +48,7 @@ def test_the_law_is_told_in_words_and_as_a_table(result: dashred.Result) -> None
     [term] = result.terms.to_dict("records")
     assert (term["equation"], term["term"]) == ("u", "u")
     assert term["low"] < -0.1 < term["high"]
+    assert result.fitted_parameters.empty
     assert {"law", "delta_bic", "rival"} <= set(result.alternatives.columns)
     assert len(result.alternatives) == len(result.findings["alternatives"])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,8 @@ import torch
 from torch import Tensor
 
 from dashred.config import Config, load_config
-from dashred.inference.fit.law import Law
+from dashred.inference.fit.law import FittedParameter, Law
+from dashred.inference.forward.candidates import ChangePrior
 from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.inference.results.parameter_change import is_exact
 from dashred.physics.backends.input_signals import InputSignals
@@ -210,3 +212,60 @@ recording: {path: my.csv, std: 5%}
     again, corrected = load(tmp_path / "corrected.yaml")
     assert corrected.config.inputs["e"].hold and corrected.inputs == {"e": "voltage"}
     assert again.recording.std is None
+
+
+def uncertain(system: System, law: Law, name: str, change: float) -> Law:
+    """Return a law with a parameter that was fitted beside it."""
+    prior = ChangePrior(0.0, system.config.parameter_spread[name])
+    candidate = replace(laws.parameter(system, name), prior=prior)
+    return replace(law, parameters=(FittedParameter(candidate, change, 0.001),))
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ("parameters: {nu: {value: 0.1, spread: 0.05}, ", []),
+        ("parameter_spread: {nu: 0.05}\n  parameters: {nu: 0.1, ", []),
+        ("parameters: {nu: {value: 0.2, spread: 1}, ",
+         ["system.parameters.nu={value: 0.1, spread: 0.05}"]),
+        ("parameters: {nu: 0.1, ", ["system.parameters.nu.spread=0.05"]),
+    ],
+)  # fmt: skip
+def test_fitted_parameters_are_in_it_without_a_spread(
+    tmp_path: Path, parameters: str, words: list[str]
+) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(laws.TEXT.replace("parameters: {nu: 0.1, ", parameters))
+    config, system = load(path, *words)
+    law = uncertain(system, laws.law([laws.term(system, "u", "u**3")], [-0.0251]), "nu", 0.0152)
+    write_corrected(tmp_path / "corrected.yaml", config, system, law, "abc")
+    again, corrected = load(tmp_path / "corrected.yaml")
+    assert again.system.parameters == {"nu": pytest.approx(0.1152), "q": 1.0, "alpha": 0.3}
+    assert again.system.parameter_spread == {}
+    assert "spread" not in again.written["system"]
+    header = (tmp_path / "corrected.yaml").read_text().partition("system:")[0]
+    assert "\n#\n# Fitted parameters:\n#  nu = 0.1152 ± 0.0010 (stated 0.1 ± 0.05)\n#\n" in header
+    assert "cubic damping" in header and "wrong" not in header
+    where = states(system)
+    nu = laws.law([*law.candidates, laws.parameter(system, "nu")], [-0.0251, 0.0152])
+    torch.testing.assert_close(tendency(corrected, where), added(system, nu, where))
+
+
+def test_beside_fitted_parameters_an_empty_law_says_nothing_of_wrong_ones(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(laws.TEXT)
+    config, system = load(path, "system.parameters.nu.spread=0.05")
+    law = uncertain(system, laws.law(), "nu", 0.0152)
+    write_corrected(tmp_path / "corrected.yaml", config, system, law, "abc")
+    header = (tmp_path / "corrected.yaml").read_text()
+    assert "# With the fitted parameters, the recording shows no missing term.\n" in header
+    assert "wrong parameter" not in header
+
+
+def test_what_the_command_line_removed_is_not_in_it(mine: Path, tmp_path: Path) -> None:
+    path = tmp_path / "corrected.yaml"
+    words = ["system.parameters.q=~", "system.equations.u=nu*lap(u)", "system.spin_up=2"]
+    config, system = load(mine, *words)
+    write_corrected(path, config, system, laws.law(), "abc")
+    again, _ = load(path)
+    assert again.system.parameters == {"nu": 0.1, "alpha": 0.3} and again.system.spin_up == 2

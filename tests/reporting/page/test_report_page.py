@@ -259,6 +259,8 @@ def test_nothing_in_findings_becomes_markup(tmp_path: Path) -> None:
     other = NEXT | {"terms": [NEXT["terms"][0] | {"term": evil}]}
     findings = found(terms=[TERM | {"term": evil, "says": evil}], causes=[cause])
     findings |= {"alternatives": [other], "units": {evil: evil}, "corrected": evil}
+    fitted = {"parameter": evil, "stated": 1, "spread": 2, "value": 1, "std": 2, "ci95": [0, 1]}
+    findings["fitted_parameters"] = [fitted | {"aliases": [evil], "exact": False, "unit": evil}]
     findings["fit"]["noise_std"] = {evil: 0.1}
     figures = {place: {evil: image} for place in ("where", "what", "proof", "forecast", "method")}
     text = html.page(findings | {"input": source}, figures, evil, [evil], evil)

@@ -9,12 +9,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import torch
-from torch import Tensor
 
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, by_score, replace_minimum
 from dashred.inference.hypotheses.sensors.excluded_sensors import add_faults
-from dashred.inference.initial_state.start_models import StartModel, project_state
 
 STEPS, TOLERANCE = 10, 1e-4
 
@@ -43,15 +41,10 @@ def _refit_from(fit: HypothesisFit, best: HypothesisFit) -> HypothesisFit | None
         without_faults = _refit_from(fit.excluded.without_faults, best)
         return without_faults and add_faults(without_faults, fit.excluded.sensors)
     objective = fit.objective
-    z = _express_start(best, objective.forward_model.start)
+    z, _ = best.objective.split(best.phi)
+    z = best.objective.forward_model.move_to(objective.forward_model.start, z)
     phi = torch.cat([z, fit.phi[len(z) :]])
     before, after = objective.values(torch.stack([fit.phi, phi]))[0].tolist()
     if not after < before:
         return None
     return replace_minimum(fit, objective, minimise(objective, phi, STEPS, TOLERANCE))
-
-
-def _express_start(fit: HypothesisFit, model: StartModel) -> Tensor:
-    """Return the initial state of a fit as the z of a start model, ``(mode,)``."""
-    z, own_model = fit.objective.split(fit.phi)[0], fit.objective.forward_model.start
-    return z if own_model is model else project_state(model, own_model.start(z[None])[0])

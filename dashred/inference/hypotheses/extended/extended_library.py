@@ -14,7 +14,7 @@ from torch import Tensor
 
 from dashred.core.budget import in_time
 from dashred.core.errors import InputError
-from dashred.inference.fit.law import build_law
+from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.subset_search import ProfiledProblem

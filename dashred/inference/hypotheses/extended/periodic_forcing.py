@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from dashred.core.budget import in_time
-from dashred.inference.fit.law import build_law
+from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.subset_search import ProfiledProblem

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from dashred.inference.fit.law import build_law
+from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.least_squares import NormalEquations
 from dashred.inference.hypotheses.free_forcing import evidence
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, fit_growing_horizon

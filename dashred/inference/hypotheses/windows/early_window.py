@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dashred.core.progress import Report
-from dashred.inference.fit.law import build_law
+from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import growing_horizon_fits, minimise
 from dashred.inference.hypotheses.first_part import FirstPart, explains, follows

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.law import fitted_candidates
+from dashred.inference.fit.fitted_law import fitted_candidates
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from dashred.inference.forward.candidates import Candidate

@@ -15,7 +15,7 @@ from functools import partial
 from torch import Tensor
 
 from dashred.core.budget import in_time
-from dashred.inference.fit.law import build_law
+from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise_growing_horizon, minimise_in_rounds
 from dashred.inference.hypotheses.free_forcing import FreeForcing

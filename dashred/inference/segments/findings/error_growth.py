@@ -17,7 +17,9 @@ def error_growth(search: SegmentSearch) -> float:
     """
     problem, best = search.problem, search.best
     fields = problem.simulator.fields
-    _, columns = problem.simulator.linearise(best.fit.point.nodes, *search.terms(best))
+    point = best.fit.point
+    changes = problem.changes(point, best.members)
+    _, columns = problem.simulator.linearise(point.nodes, *changes)
     size = search.natural.size
     steps = columns[:, -1, :, :fields] / size[:, None] * size
     largest, grown, basis = 0.0, np.zeros(fields), np.eye(fields)

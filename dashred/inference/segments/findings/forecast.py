@@ -67,7 +67,7 @@ def forecast(search: SegmentSearch, law: SegmentLaw, length: int) -> Forecast:
     early = replace(segments, readings=np.where(late[:, None, None], np.nan, segments.readings))
     first = replace(problem, simulator=problem.simulator.with_segments(early))
     point = fit_nodes(first, law.fit.point, members, STEPS).point
-    candidates, xi = problem.terms(point, members)
+    candidates, xi = problem.changes(point, members)
     states, origin = law.fit.point.nodes, np.arange(segments.count)
     for _ in range(length):
         states, origin = _one_segment_on(search, states, origin, candidates, xi)

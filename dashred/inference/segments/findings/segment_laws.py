@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.law import Law
+from dashred.inference.fit.law import FittedParameter, Law
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.segments.findings.error_faults import error_faults
 from dashred.inference.segments.segments import Array, Segments
@@ -43,8 +43,10 @@ def law_from_segments(search: SegmentSearch, found: SegmentLaw) -> Law:
     residuals = readings - segments.readings
     normal = problem.linearise(found.fit.point, members)
     profiled = None if normal is None else normal.profiled()
-    covariance = np.full((len(members), len(members)), np.inf)
-    if profiled is not None and members:
+    count = len(members)
+    unknowns = count + problem.parameters.count
+    covariance = np.full((unknowns, unknowns), np.inf)
+    if profiled is not None and unknowns:
         scale = np.sqrt(np.maximum(profiled[0].diagonal(), 1e-300))
         inverse = np.linalg.pinv(profiled[0] / scale[:, None] / scale, hermitian=True)
         covariance = search.level * inverse / scale[:, None] / scale
@@ -52,13 +54,23 @@ def law_from_segments(search: SegmentSearch, found: SegmentLaw) -> Law:
     return Law(
         candidates=candidates,
         coefficients=torch.from_numpy(xi),
-        covariance=torch.from_numpy(covariance),
+        covariance=torch.from_numpy(covariance[:count, :count]),
         start=torch.from_numpy(nodes[segments.begins]),
         score=found.score,
         chi2=misfit / segments.seen / search.level,
         residuals=_by_sample(segments, residuals),
         faults=error_faults(search, found, normal),
+        parameters=_fitted_parameters(search, found, covariance.diagonal()[count:]),
     )
+
+
+def _fitted_parameters(
+    search: SegmentSearch, found: SegmentLaw, variance: Array
+) -> tuple[FittedParameter, ...]:
+    """Return the uncertain parameters of a law with their posterior variances, ``(parameter,)``."""
+    known, changes = search.problem.parameters.candidates, found.fit.point.parameters.tolist()
+    stds = np.sqrt(np.maximum(variance, 0)).tolist()
+    return tuple(map(FittedParameter, known, changes, stds))
 
 
 def states_by_sample(search: SegmentSearch, found: SegmentLaw) -> list[Tensor]:

@@ -20,10 +20,11 @@ LARGEST, BEAM = 4, 12
 def profile(problem: WeakConstraintProblem, point: Point) -> ProfiledProblem | None:
     """Return F of all candidates, linearised about a point; None if a segment blows up.
 
-    The problem is in the coefficients themselves, not in their change.
+    The uncertain parameters are eliminated like the states. The problem is in the coefficients
+    themselves, not in their change.
     """
     normal = problem.linearise(point, range(problem.count))
-    profiled = None if normal is None else normal.profiled()
+    profiled = None if normal is None else normal.profiled(problem.count)
     if profiled is None:
         return None
     gram, target, cost = profiled

@@ -104,6 +104,7 @@ def force_beside(found: SegmentSearch, law: Law) -> LeftForce | None:
         walks=NO_WALKS,
         deadline=NEVER,
     )
-    members, nodes = tuple(range(len(xi))), found.best.fit.point.nodes
-    fit = fit_nodes(problem, replace(Point.at(nodes, len(xi)), xi=xi), members, STEPS)
+    members, near = tuple(range(len(xi))), found.best.fit.point
+    begin = replace(Point.at(near.nodes, len(xi), near.parameters), xi=xi)
+    fit = fit_nodes(problem, begin, members, STEPS)
     return left_force(found, Walking(problem, members, fit))

@@ -144,7 +144,8 @@ def _state_alone(
     problem: WeakConstraintProblem, nodes: np.ndarray, natural: NaturalScales
 ) -> NodeFit:
     """Fit the nodes under the simulator as it is, with a model error that shrinks."""
-    fit = NodeFit(Point.at(nodes, problem.count), math.inf)
+    stated = problem.parameters.means.numpy()
+    fit = NodeFit(Point.at(nodes, problem.count, stated), math.inf)
     for q in STATE_ALONE:
         fit = fit_nodes(_weighted(problem, natural, q, 1.0), fit.point, (), ANNEALING_STEPS)
     return fit

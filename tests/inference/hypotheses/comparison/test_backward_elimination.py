@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from dashred.inference.fit.law import build_law
+from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.hypotheses.comparison.backward_elimination import eliminate_terms

@@ -10,7 +10,8 @@ import torch
 from torch import Tensor
 
 from dashred.core.budget import Budget
-from dashred.inference.fit.law import Law, build_law
+from dashred.inference.fit.fitted_law import build_law
+from dashred.inference.fit.law import Law
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.law_block import restrict_to_window
 from dashred.inference.hypotheses.comparison.compare_hypotheses import compare_hypotheses

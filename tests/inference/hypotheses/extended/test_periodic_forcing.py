@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from dashred.inference.fit.law import build_law
+from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.least_squares import NormalEquations
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.candidates import Candidate

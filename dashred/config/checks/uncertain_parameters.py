@@ -1,0 +1,35 @@
+"""Check that uncertain parameters have an effect that can be fitted."""
+
+from __future__ import annotations
+
+from dashred.core.errors import InputError
+from dashred.physics.declaration import Declaration
+from dashred.physics.expressions.algebra import ZERO, Expr, names, substitute
+from dashred.physics.expressions.differentiate import differentiate
+
+
+def check_uncertain_parameters(declared: Declaration) -> None:
+    """Check that an equation changes smoothly with every parameter that has a spread.
+
+    Raises:
+        InputError: no equation depends on the parameter, or only through the place of a jump.
+    """
+    spreads = declared.config.parameter_spread
+    equations = _without_lets(declared) if spreads else []
+    for name in spreads:
+        place = declared.where(f"system.parameter_spread.{name}")
+        if not any(name in names(equation) for equation in equations):
+            what = f"{name} has a spread, but no equation depends on it"
+            raise InputError(what, where=place, hint="remove the spread, or use the parameter")
+        if all(differentiate(equation, name) == ZERO for equation in equations):
+            what = f"{name} has a spread, but it only moves a jump (step, sign, where)"
+            hint = "remove the spread: the place of a jump cannot be fitted"
+            raise InputError(what, where=place, hint=hint)
+
+
+def _without_lets(declared: Declaration) -> list[Expr]:
+    """Return the equations with lets substituted and parameters by name."""
+    lets: dict[str, Expr] = {}
+    for name, expression in declared.lets.items():
+        lets[name] = substitute(expression, lets)
+    return [substitute(expression, lets) for expression in declared.equations.values()]
