@@ -34,6 +34,8 @@ def frozen_input(config: Settings) -> dict[str, Any]:
         # The same for uncertain parameters.
         del values["system"]["parameter_spread"]
     recording = values["recording"]
+    if not recording["angles"]:
+        del recording["angles"]
     if recording["path"] is not None:
         for key in TWIN_ONLY:
             del recording[key]

@@ -14,6 +14,7 @@ from dashred.config.checks.checks import MAX_STEPS
 from dashred.core.budget import Budget, Deadline
 from dashred.core.errors import InputError
 from dashred.core.findings.cause_schema import FaultySensor
+from dashred.data.angles import continue_angles
 from dashred.data.episodes import Episodes, name_episode_in_errors
 from dashred.data.inputs import with_inputs
 from dashred.data.io.reader import read_episodes
@@ -276,7 +277,7 @@ def _with_clause(sentence: str, clause: str) -> str:
 def with_readings_of_state(
     config: Config, system: System, read: Episodes
 ) -> tuple[System, Episodes, list[str]]:
-    """Return a recording with its stated noise, of sensors that read the state alone.
+    """Return a recording with its stated noise, of continued angles and the state alone.
 
     Args:
         config: may state the noise.
@@ -287,10 +288,11 @@ def with_readings_of_state(
         The system, the recording, and clauses as of :func:`subtract_known_readings`.
 
     Raises:
-        InputError: the noise is invalid, or a sensor reads a function of an uncertain parameter, or
-            more than can be subtracted.
+        InputError: the noise is invalid, an angle turns too fast, or a sensor reads a function of
+            an uncertain parameter, or more than can be subtracted.
     """
     check_reads_no_uncertain(system, read.sensors)
+    read = continue_angles(system, read, config.recording.angles, config.where("recording.angles"))
     stated = with_noise_of_sensors(read, config.recording.std, config.where("recording.std"))
     stated = resolve_shares(stated, _fitted_count(read), config.splits.time.test)
     return subtract_known_readings(system, stated)

@@ -41,6 +41,10 @@ class Recording:
     """Columns of a table that are not read. Without this list, a column that is neither a sensor
     nor an input is left out, unless its name is close to that of a sensor."""
 
+    angles: list[str]
+    """Sensors whose readings jump by a full turn, or what they read: an encoder that counts from
+    -pi to pi. The readings are continued across the jump. An angle without a unit is in radians."""
+
     reads: list[str]
     """For twins: fields or lets that the sensors read; empty means every field."""
 

@@ -1,0 +1,100 @@
+"""Readings of angles: they are continued across the full turn."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashred.core.errors import InputError, nearest
+from dashred.core.unit_conversion import conversion
+from dashred.data.episodes import Episode, Episodes, name_episode_in_errors
+from dashred.data.recording import Recording
+from dashred.data.sensors import Sensor
+from dashred.physics.system import System
+
+# Of the steps between readings, at most this share may be longer than this share of a turn:
+# otherwise the turns cannot be counted.
+LONG_STEP, MOST_LONG = 0.4, 0.02
+
+
+def continue_angles(
+    system: System, episodes: Episodes, wrapped: Sequence[str], where: str
+) -> Episodes:
+    """Return a recording in which the readings of angles do not jump by full turns.
+
+    Every reading is moved by full turns to within half a turn of the one before. The first reading
+    of an episode is moved to within half a turn of the stated start, if the sensor reads a field
+    whose start is a number and the simulator has no spin-up.
+
+    Args:
+        system: the simulator.
+        episodes: the recording.
+        wrapped: ``recording.angles``: sensors, or what they read.
+        where: location of this key.
+
+    Raises:
+        InputError: a name is neither that of a sensor nor of what one reads, or a sensor turns too
+            fast between two readings.
+    """
+    known = [name for sensor in episodes.sensors for name in (sensor.name, sensor.reads)]
+    for name in wrapped:
+        if name not in known:
+            problem = f"recording.angles names {name!r}, but no sensor has or reads this name"
+            raise InputError(problem, where=where, hint=nearest(name, known))
+    if not wrapped:
+        return episodes
+    parts = []
+    for part in episodes.episodes:
+        with name_episode_in_errors(part.name):
+            parts.append(Episode(part.name, _continue(system, part.recording, wrapped, where)))
+    return replace(episodes, episodes=tuple(parts))
+
+
+def _continue(
+    system: System, recording: Recording, wrapped: Sequence[str], where: str
+) -> Recording:
+    values = recording.values.copy()
+    for column, sensor in enumerate(recording.sensors):
+        if sensor.name not in wrapped and sensor.reads not in wrapped:
+            continue
+        turn = _full_turn(system, recording, sensor, where)
+        seen = np.isfinite(values[:, column])
+        continued = np.unwrap(values[seen, column], period=turn)
+        _check_steps(sensor, continued, turn, where)
+        start = _stated_start(system, sensor)
+        if start is not None and len(continued):
+            continued = continued - turn * round((continued[0] - start) / turn)
+        values[seen, column] = continued
+    return replace(recording, values=values)
+
+
+def _full_turn(system: System, recording: Recording, sensor: Sensor, where: str) -> float:
+    """Return a full turn in the unit of the readings; angles without a unit are in radians."""
+    unit = system.units.get(sensor.reads) or recording.units.get(sensor.reads)
+    if unit is None:
+        return 2 * math.pi
+    what = f"a full turn of sensor {sensor.name!r}"
+    return float(conversion(what, "rad", where, unit, f"the unit of {sensor.reads}")(2 * math.pi))
+
+
+def _check_steps(sensor: Sensor, continued: NDArray[np.float64], turn: float, where: str) -> None:
+    steps = np.abs(np.diff(continued))
+    if len(steps) and float((steps > LONG_STEP * turn).mean()) > MOST_LONG:
+        what = (
+            f"the angle of sensor {sensor.name!r} moves by nearly half a turn or more between "
+            "readings, so its turns cannot be counted"
+        )
+        hint = "record it more often, or record its rate instead"
+        raise InputError(what, where=where, hint=hint)
+
+
+def _stated_start(system: System, sensor: Sensor) -> float | None:
+    """Return the start of the field that a sensor reads; None if it is not known beforehand."""
+    start = system.config.start.get(sensor.reads)
+    if system.config.spin_up or not isinstance(start, int | float):
+        return None
+    return float(start)
