@@ -27,7 +27,7 @@ system:
   integrator: {method: rk4, dt: 0.1}
 recording: {path: rotor.csv}
 """
-TIMES: NDArray[np.float64] = np.arange(60) * 0.1
+TIMES = np.linspace(0, 5.9, 60)
 TURN = 2 * np.pi
 
 
