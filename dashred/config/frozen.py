@@ -30,9 +30,10 @@ def frozen_input(config: Settings) -> dict[str, Any]:
     if not values["system"]["units"]:
         # Keeps the hash of configurations from before units were introduced.
         del values["system"]["units"]
-    if not values["system"]["parameter_spread"]:
-        # The same for uncertain parameters.
-        del values["system"]["parameter_spread"]
+    for key in ("parameter_spread", "tables"):
+        # The same for later keys.
+        if not values["system"][key]:
+            del values["system"][key]
     recording = values["recording"]
     if not recording["angles"]:
         del recording["angles"]

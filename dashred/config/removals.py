@@ -13,6 +13,7 @@ SECTIONS = (
     "fields",
     "parameters",
     "parameter_spread",
+    "tables",
     "let",
     "equations",
     "start",

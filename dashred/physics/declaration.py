@@ -10,6 +10,7 @@ from dashred.physics import system_schema as schema
 from dashred.physics.definitions import Definitions, check_order
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import Expr
+from dashred.physics.expressions.lookup import Points
 from dashred.physics.expressions.parser import Vocabulary, parse
 from dashred.physics.expressions.reflection import Reflection
 from dashred.physics.methods import METHODS
@@ -69,6 +70,11 @@ class Declaration:
         own = (config.fields, config.parameters, config.let, config.axes)
         return frozenset().union(*own, self.clock)
 
+    @cached_property
+    def _tables(self) -> dict[str, Points]:
+        tables = self.config.tables.items()
+        return {name: tuple(zip(each.x, each.y, strict=True)) for name, each in tables}
+
     @property
     def inputs(self) -> dict[str, str]:
         """Column of each measured input in the recording, by its name in the equations."""
@@ -97,7 +103,8 @@ class Declaration:
         Raises:
             InputError: see :func:`dashred.physics.expressions.parser.parse`.
         """
-        vocabulary = Vocabulary(self.names | extra, tuple(self.config.axes), equation)
+        axes = tuple(self.config.axes)
+        vocabulary = Vocabulary(self.names | extra, axes, equation, self._tables)
         return parse(str(text), vocabulary, where=self.where(key))
 
     def resolve(self, expr: Expr, key: str) -> Expr:

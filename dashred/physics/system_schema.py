@@ -39,6 +39,17 @@ class Input:
 
 
 @dataclass
+class Table:
+    """Points of a function, linear in between and constant outside of them."""
+
+    x: list[float]
+    """Where it is known, in increasing order."""
+
+    y: list[float]
+    """Its value at each x."""
+
+
+@dataclass
 class Integrator:
     """Integration in time and differentiation in space."""
 
@@ -104,6 +115,10 @@ class System:
     parameter_spread: dict[str, float] = field(default_factory=dict)
     """Prior standard deviations of parameters that are known only roughly. They are fitted together
     with the initial state. A parameter that is not listed has exactly its value."""
+
+    tables: dict[str, Table] = field(default_factory=dict)
+    """Functions given by points, such as a characteristic curve: ``interp(q, OCV)`` is the value of
+    the table OCV at q."""
 
     let: dict[str, str] = field(default_factory=dict)
     """Derived quantities: name and expression of each."""

@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
+from dashred.config.checks.tables import check_tables
 from dashred.config.layers import evaluate
 from dashred.config.schema.types import Where
 from dashred.core.errors import InputError, nearest
@@ -50,6 +51,7 @@ def check_system(system: System, where: Where) -> None:
             raise InputError(problem, where=where(f"system.start.{name}"))
     _check_spread(system, where)
     _check_parameter_spread(system, where)
+    check_tables(system, where)
     _check_front(system, where)
 
 
@@ -68,7 +70,7 @@ def _check_names(system: System, where: Where) -> None:
     from dashred.physics.expressions.parser import RESERVED
 
     taken: dict[str, str] = {}
-    for section in ("axes", "fields", "parameters", "let", "inputs"):
+    for section in ("axes", "fields", "parameters", "tables", "let", "inputs"):
         for name in getattr(system, section):
             at = where(f"system.{section}.{name}")
             if keyword.iskeyword(name):

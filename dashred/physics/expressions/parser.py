@@ -1,9 +1,10 @@
 """Parser of the equation language: text → expression tree.
 
 The parser accepts a whitelist of syntax and evaluates nothing. Allowed are numbers, known names,
-``+ - * / **``, ``> >= < <=``, ``and or not``, and the functions of :data:`FUNCTIONS`,
-:data:`COMBINATIONS` and :data:`OPERATORS`. Everything else (attributes, subscripts, calls of other
-names, keywords, strings) is an error, and its message points at the column.
+``+ - * / **``, ``> >= < <=``, ``and or not``, the functions of :data:`FUNCTIONS`,
+:data:`COMBINATIONS` and :data:`OPERATORS`, and ``interp(x, TABLE)``. Everything else (attributes,
+subscripts, calls of other names, keywords, strings) is an error, and its message points at the
+column.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ import keyword
 import math
 import re
 import warnings
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 from dashred.core.errors import InputError, nearest
@@ -27,10 +28,12 @@ from dashred.physics.expressions.combinations import (
 )
 from dashred.physics.expressions.expression_size import size_of
 from dashred.physics.expressions.functions import FUNCTIONS
+from dashred.physics.expressions.lookup import Points, interpolate
 
 OPERATORS = frozenset({"d", "lap", "inv_lap", "grad2", "flux"})
 LOGIC = frozenset({"and", "or", "not"})
-KNOWN = FUNCTIONS.keys() | COMBINATIONS.keys() | OPERATORS
+LOOKUP = "interp"
+KNOWN = FUNCTIONS.keys() | COMBINATIONS.keys() | OPERATORS | {LOOKUP}
 RESERVED = KNOWN | {"pi", "t"}
 MAX_LENGTH = 2000
 MAX_DEPTH = 60
@@ -39,11 +42,19 @@ MAX_ORDER = 8
 
 @dataclass(frozen=True)
 class Vocabulary:
-    """What an expression may use: names, spatial axes, and the field that its fluxes transport."""
+    """What an expression may use.
+
+    Attributes:
+        names: of quantities.
+        axes: spatial axes.
+        transported: field that its fluxes transport; empty for none.
+        tables: points of each table.
+    """
 
     names: frozenset[str]
     axes: tuple[str, ...] = ()
     transported: str = ""
+    tables: Mapping[str, Points] = field(default_factory=dict)
 
 
 def parse(text: str, vocabulary: Vocabulary, *, where: str) -> Expr:
@@ -154,6 +165,8 @@ class _Reader:
             return Number(math.pi)
         if id in KNOWN:
             raise self.fail(node, f"{id!r} is a function: write {id}(…)")
+        if id in self.vocabulary.tables:
+            raise self.fail(node, f"{id!r} is a table: write {LOOKUP}(…, {id})")
         if id not in self.vocabulary.names:
             raise self.unknown(node, f"unknown name {id!r}", id, self.vocabulary.names)
         return Name(id)
@@ -212,6 +225,8 @@ class _Reader:
         if function in COMBINATIONS:
             return self.read_combination(node, function, arguments, depth)
         operand = self.read(arguments[0], depth)
+        if function == LOOKUP:
+            return self.limited(node, interpolate(operand, self.read_table(arguments[1])))
         if function in FUNCTIONS:
             return algebra.call(function, operand)
         if not self.vocabulary.axes:
@@ -225,7 +240,7 @@ class _Reader:
         if function in COMBINATIONS:
             counts: tuple[int, ...] = (COMBINATIONS[function][0],)
         else:
-            counts = {"d": (2, 3), "flux": (2,)}.get(function, (1,))
+            counts = {"d": (2, 3), "flux": (2,), LOOKUP: (2,)}.get(function, (1,))
         if count not in counts:
             wanted = " or ".join(map(str, counts))
             plural = "" if counts == (1,) else "s"
@@ -259,6 +274,14 @@ class _Reader:
                 raise self.fail(rest[0], "flux() is allowed in equations and libraries only")
             return algebra.Flux(operand, axis, self.vocabulary.transported)
         return algebra.derivative(operand, axis, self.read_order(rest[1:]))
+
+    def read_table(self, node: ast.expr) -> Points:
+        tables = self.vocabulary.tables
+        if isinstance(node, ast.Name) and node.id in tables:
+            return tables[node.id]
+        shown = node.id if isinstance(node, ast.Name) else ast.unparse(node)
+        hint = nearest(shown, sorted(tables)) if tables else "state it in system.tables"
+        raise self.fail(node, f"{shown!r} is not a table", hint)
 
     def read_axis(self, node: ast.expr) -> str:
         if isinstance(node, ast.Name) and node.id in self.vocabulary.axes:
