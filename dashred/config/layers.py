@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable
 from dataclasses import is_dataclass
 from functools import partial
@@ -170,6 +171,8 @@ def _coerce(value: Any, kind: Any, key: str, where: Where) -> Any:
         raise _type_error(value, kind, key, where)
     if bare is float and isinstance(value, str):
         return evaluate(value, key, where)
+    if bare is float and type(value) is int and abs(value) > sys.float_info.max:
+        raise InputError(f"{key} must be finite; got a larger number", where=where(key))
     if bare in (int, bool) and type(value) is not bare:
         # OmegaConf would also accept '1_0' as 10, yes as true, and true as 1.
         raise _type_error(value, kind, key, where)

@@ -18,7 +18,9 @@ from dashred.physics.system import System
 
 # Of the steps between readings, at most this share may be longer than this share of a turn:
 # otherwise the turns cannot be counted.
-LONG_STEP, MOST_LONG = 0.4, 0.02
+LONG_STEP, MOST_LONG = 0.4, 0.05
+# Readings within one turn span at most so many turns.
+LARGEST_SPAN = 1.05
 
 
 def continue_angles(
@@ -26,7 +28,8 @@ def continue_angles(
 ) -> Episodes:
     """Return a recording in which the readings of angles do not jump by full turns.
 
-    Every reading is moved by full turns to within half a turn of the one before. The first reading
+    Every reading is moved by full turns to within half a turn of the one before; a single reading
+    that is far from those about it does not count as the one before. The first reading
     of an episode is moved to within half a turn of the stated start, if the sensor reads a field
     whose start is a number and the simulator has no spin-up.
 
@@ -37,8 +40,8 @@ def continue_angles(
         where: location of this key.
 
     Raises:
-        InputError: a name is neither that of a sensor nor of what one reads, or a sensor turns too
-            fast between two readings.
+        InputError: a name is neither that of a sensor nor of what one reads, readings span more
+            than a turn, or a sensor turns too fast between two readings.
     """
     known = [name for sensor in episodes.sensors for name in (sensor.name, sensor.reads)]
     for name in wrapped:
@@ -63,7 +66,8 @@ def _continue(
             continue
         turn = _full_turn(system, recording, sensor, where)
         seen = np.isfinite(values[:, column])
-        continued = np.unwrap(values[seen, column], period=turn)
+        _check_span(sensor, values[seen, column], turn, where)
+        continued = _unwrap(values[seen, column], turn)
         _check_steps(sensor, continued, turn, where)
         start = _stated_start(system, sensor)
         if start is not None and len(continued):
@@ -79,6 +83,31 @@ def _full_turn(system: System, recording: Recording, sensor: Sensor, where: str)
         return 2 * math.pi
     what = f"a full turn of sensor {sensor.name!r}"
     return float(conversion(what, "rad", where, unit, f"the unit of {sensor.reads}")(2 * math.pi))
+
+
+def _unwrap(values: NDArray[np.float64], turn: float) -> NDArray[np.float64]:
+    """Return values without jumps by full turns."""
+    found = values.copy()
+    before, last = float(found[0]) if len(found) else 0.0, len(found) - 1
+    for i, value in enumerate(values.tolist()):
+        found[i] = value - turn * round((value - before) / turn)
+        # A spike would otherwise shift all later readings by a turn.
+        is_spike = abs(found[i] - before) > LONG_STEP * turn and (
+            i < last and abs(math.remainder(float(values[i + 1]) - before, turn)) < LONG_STEP * turn
+        )
+        before = before if is_spike else float(found[i])
+    return found
+
+
+def _check_span(sensor: Sensor, values: NDArray[np.float64], turn: float, where: str) -> None:
+    turns = float(np.ptp(values)) / turn if len(values) else 0.0
+    if turns > LARGEST_SPAN:
+        what = (
+            f"the readings of sensor {sensor.name!r} span {turns:.3g} turns, but "
+            "recording.angles is for readings within one turn"
+        )
+        hint = "leave it out of recording.angles, or leave cells of placeholders empty"
+        raise InputError(what, where=where, hint=hint)
 
 
 def _check_steps(sensor: Sensor, continued: NDArray[np.float64], turn: float, where: str) -> None:

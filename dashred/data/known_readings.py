@@ -12,7 +12,7 @@ from dashred.data.episodes import Episode, Episodes
 from dashred.data.inputs import at_times, with_inputs
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
-from dashred.physics.expressions.algebra import Expr, add, names, substitute, summands, to_text
+from dashred.physics.expressions.algebra import Expr, add, names, summands, to_text
 from dashred.physics.system import System
 
 
@@ -91,10 +91,7 @@ def _reads_clock(system: System, reads: str) -> bool:
 
 def _in_fields(system: System, reads: str) -> Expr:
     """Return a quantity in fields, parameters, coordinates, inputs and time."""
-    expr = system.parse(reads, f"system.let.{reads}")
-    while names(expr) & set(system.lets):
-        expr = substitute(expr, system.lets)
-    return expr
+    return system.without_lets(system.parse(reads, f"system.let.{reads}"))
 
 
 def _split(system: System, sensor: Sensor) -> tuple[Expr, Expr]:

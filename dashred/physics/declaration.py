@@ -107,6 +107,12 @@ class Declaration:
         vocabulary = Vocabulary(self.names | extra, axes, equation, self._tables)
         return parse(str(text), vocabulary, where=self.where(key))
 
+    def without_lets(self, expr: Expr) -> Expr:
+        """Substitute lets in an expression, but no parameters."""
+        while algebra.names(expr) & self.lets.keys():
+            expr = algebra.substitute(expr, self.lets)
+        return expr
+
     def resolve(self, expr: Expr, key: str) -> Expr:
         """Substitute lets and parameters in an expression; ``key`` is its configuration key.
 

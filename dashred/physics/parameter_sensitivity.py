@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Set
 
-from dashred.physics.expressions.algebra import ZERO, Expr, substitute
+from dashred.physics.expressions.algebra import ZERO, Call, Expr, Where, children, names
 from dashred.physics.expressions.differentiate import NotDifferentiableError, differentiate
 from dashred.physics.system import System
 
@@ -35,11 +35,8 @@ def parameter_slopes(system: System, parameter: str) -> dict[str, Expr]:
     """
     if parameter not in system.config.parameters:
         raise KeyError(parameter)
-    lets: dict[str, Expr] = {}
-    for let, expr in system.lets.items():
-        lets[let] = substitute(expr, lets)
     return {
-        equation: differentiate(substitute(expr, lets), parameter)
+        equation: differentiate(system.without_lets(expr), parameter)
         for equation, expr in system.equations.items()
     }
 
@@ -47,10 +44,21 @@ def parameter_slopes(system: System, parameter: str) -> dict[str, Expr]:
 def acts_linearly(system: System, parameters: Collection[str]) -> bool:
     """Return whether the equations are affine in some parameters together.
 
-    False as well if an equation has no derivative with respect to one of them.
+    False as well if an equation has no derivative with respect to one of them, or contains one
+    within a function: the derivative does not tell where a ``clip`` or a ``step`` jumps.
     """
+    whole = map(system.without_lets, system.equations.values())
+    if any(_is_within_function(expr, set(parameters)) for expr in whole):
+        return False
     try:
         slopes = [s for p in parameters for s in parameter_slopes(system, p).values()]
         return all(differentiate(slope, p) == ZERO for slope in slopes for p in parameters)
     except NotDifferentiableError:
         return False
+
+
+def _is_within_function(expr: Expr, parameters: Set[str]) -> bool:
+    """Return whether one of some parameters is in an argument of a function or a condition."""
+    if isinstance(expr, Call | Where) and names(expr) & parameters:
+        return True
+    return any(_is_within_function(child, parameters) for child in children(expr))

@@ -140,6 +140,13 @@ class Problem:
             for name, spread in stated.parameter_spread.items()
         }
 
+    @property
+    def stated_system(self) -> System:
+        """The simulator with the stated values of the uncertain parameters."""
+        stated = self.config.system
+        values = {name: stated.parameters[name] for name in stated.parameter_spread}
+        return with_parameters(self.system, values) if values else self.system
+
     def with_parameters(self, values: Mapping[str, float]) -> Problem:
         """Return the problem with other values of some parameters, in every episode."""
         return self._in_every_episode(

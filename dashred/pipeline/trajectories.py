@@ -103,19 +103,19 @@ def _run(
     ahead = round(FORECAST * float(times[-1] - times[0]) / step)
     forecast = times[-1] + step * torch.arange(1, ahead + 1, dtype=torch.float64)
     all_times = torch.cat([times, forecast])
-    uncorrected = start if best.candidates else nominal
     # A start that is known exactly equals the nominal one.
     shift = SHIFT * (nominal - start if bool((nominal != start).any()) else start)
-    starts = torch.stack([uncorrected, refitted, start, start + shift])
+    starts = torch.stack([start, refitted, start, start + shift])
     none, law = torch.zeros_like(best.coefficients), best.coefficients
     own, others = _changes(best), _changes(nothing)
-    same = own if best.candidates else _stated_changes(best)
-    rows = [(same, none), (others, none), (own, law), (own, law)]
+    rows = [(own, none), (others, none), (own, law), (own, law)]
     parameters = [each.candidate for each in best.parameters]
     forcing = build_forcing(
         [*parameters, *best.candidates], torch.stack(list(map(torch.cat, rows)))
     )
     same_start, refit, corrected, shifted = simulate(problem.system, starts, all_times, forcing)
+    if not best.candidates:
+        [same_start] = simulate(problem.stated_system, nominal[None], all_times)
     states = {
         "simulation_same_start": same_start,
         "simulation_refit": refit,
@@ -128,12 +128,6 @@ def _run(
 def _changes(law: Law) -> Tensor:
     """Return the fitted changes of the uncertain parameters, ``(parameter,)``."""
     return torch.tensor([each.change for each in law.parameters], dtype=torch.float64)
-
-
-def _stated_changes(law: Law) -> Tensor:
-    """Return the changes to the stated values of the uncertain parameters, ``(parameter,)``."""
-    priors = [each.candidate.prior for each in law.parameters]
-    return torch.tensor([prior.mean for prior in priors if prior], dtype=torch.float64)
 
 
 def _growth_rate(times: Tensor, states: Tensor, shifted: Tensor) -> float:

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from dashred.config import Config, Settings, config_sha256, frozen_input, load_config, usage
 from dashred.config.bundled_systems import BASE, CONF, bundled_names
-from dashred.config.source import read_text
+from dashred.config.layers import prepare
+from dashred.config.source import Source, read_text
 from dashred.core.errors import InputError
 
 SYSTEM = """\
@@ -548,3 +549,9 @@ def test_a_list_and_a_section_do_not_replace_each_other(
     text = SYSTEM + f"splits: {{sensors: {{validate: {first}}}}}\n"
     error = refused(write, f"splits.sensors.validate={second}", text=text)
     assert expected in error.what and "splits.sensors.validate" in error.what
+
+
+def test_a_number_beyond_floats_is_an_input_error(tmp_path: Path) -> None:
+    source = Source({"system": {"parameters": {"c": 10**400}}}, {"": "a dict"})
+    with pytest.raises(InputError, match="c must be finite"):
+        prepare(source, folder=tmp_path)

@@ -121,9 +121,25 @@ def test_a_rotor_that_is_too_fast_is_refused(system: System) -> None:
     assert "episode 'e0'" in caught.value.what
 
 
+def test_a_spike_does_not_shift_what_follows(system: System) -> None:
+    angle = 5.5 + 0.3 * np.sin(TIMES)
+    read = encoder(angle)
+    read[30] = encoder(angle[30:31] + 0.49 * TURN)[0]
+    [found] = continued(system, episodes(read))
+    np.testing.assert_allclose(np.delete(found, 30), np.delete(angle, 30))
+
+
+def test_readings_of_more_than_a_turn_are_refused(system: System) -> None:
+    read = encoder(6 + 2 * TIMES)
+    read[7] = -999.0
+    with pytest.raises(InputError, match="span 159 turns") as caught:
+        continued(system, episodes(read))
+    assert "placeholders" in str(caught.value.hint)
+
+
 def test_an_unknown_name(system: System) -> None:
     with pytest.raises(InputError, match="names 'teta'") as caught:
-        continued(system, episodes(TIMES), ("teta",))
+        continued(system, episodes(encoder(TIMES)), ("teta",))
     assert "theta" in str(caught.value.hint)
 
 

@@ -13,11 +13,11 @@ TEXT = """
 system:
   title: a mass on a spring
   fields: {q: place, p: momentum}
-  parameters: {m: 2, w: 0.5, k: 3, b: 0.1, depth: 4, rate: 0.5}
+  parameters: {m: 2, w: 0.5, k: 3, b: 0.1, depth: 4, rate: 0.5, edge: 2}
   let: {speed: w*p}
   equations:
     q: speed
-    p: -k*q/m - b*speed - depth**2*q + exp(rate*q)
+    p: -k*q/m - b*speed - depth**2*q + exp(rate*q) + clip(q, -edge, edge)
   start: {q: 1, p: 0}
   integrator: {dt: 0.05}
 recording: {twin: a, sensors: 1, noise: 0, duration: 4, every: 0.1}
@@ -36,6 +36,8 @@ recording: {twin: a, sensors: 1, noise: 0, duration: 4, every: 0.1}
         (("m",), False),
         (("depth",), False),
         (("k", "rate"), False),
+        # Its tangent is the same on both sides of the edge.
+        (("edge",), False),
     ],
 )
 def test_acts_linearly(tmp_path: Path, parameters: tuple[str, ...], expected: bool) -> None:

@@ -83,8 +83,8 @@ def build_candidates(
     """Return the parameters and the library terms as candidates, without collinear ones.
 
     Two candidates are collinear if their tendencies are proportional over the nominal simulation.
-    Of collinear parameters the first remains, with the others as aliases; uncertain parameters come
-    before the others. A parameter replaces a collinear term.
+    Of collinear parameters the first remains, with the others as aliases. A parameter replaces a
+    collinear term. Every uncertain parameter remains, because its prior makes it distinct.
 
     Args:
         system: the simulator.
@@ -109,6 +109,9 @@ def build_candidates(
     aliases: dict[int, list[str]] = {}
     replaced: dict[int, list[str]] = {}
     for j, candidate in enumerate(found):
+        if candidate.prior is not None:
+            independent.append(j)
+            continue
         if not torch.isfinite(sizes[j]) or sizes[j] == 0:
             continue
         cosines = (columns[independent] @ columns[j]).abs() / (sizes[independent] * sizes[j])
@@ -125,7 +128,7 @@ def build_candidates(
     return [
         replace(
             found[j],
-            scale=size / float(sizes[j]),
+            scale=size / float(sizes[j]) if sizes[j] > 0 else math.inf,
             limit=stable_limit(system, found[j].terms),
             aliases=tuple(aliases.get(j, ())),
             replaces=tuple(replaced.get(j, ())),

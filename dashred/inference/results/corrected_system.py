@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from dashred.inference.fit.law import Law
-from dashred.inference.results.parameter_change import exact_change
-from dashred.physics.expressions.algebra import ZERO, multiply
+from dashred.inference.results.fitted_parameters import exact_changes
+from dashred.physics.expressions.algebra import ZERO, multiply, names
 from dashred.physics.parameter_sensitivity import parameter_slopes
 from dashred.physics.system import System, Term
 
@@ -15,23 +15,25 @@ from dashred.physics.system import System, Term
 def build_corrected_system(system: System, law: Law) -> System:
     """Return the corrected system, whose tendency is exactly ``N + Σ ξ θ``.
 
-    Uncertain parameters get their fitted values. A parameter gets the value with the same effect as
-    its tangent, if there is one (:mod:`dashred.inference.results.parameter_change`). For other
-    parameters, such as ``alpha`` in ``exp(u/alpha)``, the tangent is added as a term.
+    Parameters get the values with the same effect as their tangents, if there are such values
+    (:func:`dashred.inference.results.fitted_parameters.exact_changes`). For other parameters, such
+    as ``alpha`` in ``exp(u/alpha)``, the tangent is added as a term.
     """
-    changed: dict[str, float] = {}
+    changes = exact_changes(system, law)
+    known = system.config.parameters
+    changed = {name: known[name] + change for name, change in changes.items()}
     terms: list[tuple[Term, float]] = []
     fitted = [(each.candidate, each.change) for each in law.parameters]
     for candidate, value in [*fitted, *zip(law.candidates, law.coefficients.tolist(), strict=True)]:
         if candidate.equation is None:
-            change = exact_change(system, candidate.name, value)
-            if change is None:
+            if candidate.name not in changes:
                 terms.extend((tangent, value) for tangent in _tangents(system, candidate.name))
-            else:
-                changed[candidate.name] = system.config.parameters[candidate.name] + change
         else:
             key = f"library.{candidate.equation}"
             expression = system.parse(candidate.name, key, equation=candidate.equation)
+            if names(system.without_lets(expression)) & changes.keys():
+                # It was fitted with the values before the change.
+                expression = system.resolve(expression, key)
             if candidate.window is not None:
                 expression = multiply((candidate.window.expression, expression))
             terms.append((Term(candidate.equation, expression), value))

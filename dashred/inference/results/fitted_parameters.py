@@ -6,7 +6,11 @@ from dashred.core.findings.law_schema import FittedParameter
 from dashred.inference.fit import law as fit
 from dashred.inference.fit.law import Z95, Law
 from dashred.inference.results.parameter_change import exact_change, parameter_change
+from dashred.physics.parameter_sensitivity import acts_linearly
 from dashred.physics.system import System
+
+# A change by at most this share of its posterior std is too small for the tangent to differ.
+SETTLED = 0.5
 
 
 def fitted_parameters(system: System, law: Law) -> list[FittedParameter]:
@@ -16,17 +20,49 @@ def fitted_parameters(system: System, law: Law) -> list[FittedParameter]:
         system: the simulator, about whose parameters the law is linearised.
         law: with the fitted parameters.
     """
-    return [_entry(system, each) for each in law.parameters]
+    changes = exact_changes(system, law)
+    return [_entry(system, each, changes) for each in law.parameters]
 
 
-def _entry(system: System, fitted: fit.FittedParameter) -> FittedParameter:
+def exact_changes(system: System, law: Law) -> dict[str, float]:
+    """Return the changes of parameters that together have the effect of a law.
+
+    A law adds ``ξ ∂N/∂p`` for each changed parameter. Other values of several parameters have that
+    effect if the equations are affine in them; if there is one parameter, and it changes its
+    tangent by a factor alone; or if the changes of uncertain parameters are small. A parameter
+    without such a value is not in the result.
+
+    Args:
+        system: the simulator, about whose parameters the law is linearised.
+        law: the law.
+    """
+    uncertain = {each.candidate.name: each.change for each in law.parameters}
+    pairs = zip(law.candidates, law.coefficients.tolist(), strict=True)
+    changed = uncertain | {c.name: value for c, value in pairs if c.equation is None}
+    if acts_linearly(system, changed):
+        return changed
+    if not law.parameters:
+        # Each is told by itself.
+        alone = {name: exact_change(system, name, xi) for name, xi in changed.items()}
+        return {name: change for name, change in alone.items() if change is not None}
+    if len(changed) == 1:
+        [(name, xi)] = changed.items()
+        change = exact_change(system, name, xi)
+        if change is not None:
+            return {name: change}
+    is_settled = all(abs(each.change) <= SETTLED * each.std for each in law.parameters)
+    return uncertain if is_settled else {}
+
+
+def _entry(
+    system: System, fitted: fit.FittedParameter, changes: dict[str, float]
+) -> FittedParameter:
     name, prior = fitted.candidate.name, fitted.candidate.prior
     assert prior is not None
     current = system.config.parameters[name]
-    value = current + parameter_change(system, name, fitted.change)
+    value = current + changes.get(name, fitted.change)
     ends = [
-        current + parameter_change(system, name, fitted.change + sign * fitted.std / 2)
-        for sign in (-1, 1)
+        parameter_change(system, name, fitted.change + sign * fitted.std / 2) for sign in (-1, 1)
     ]
     std = abs(ends[1] - ends[0])
     found = FittedParameter(
@@ -37,7 +73,7 @@ def _entry(system: System, fitted: fit.FittedParameter) -> FittedParameter:
         std=std,
         ci95=[value - Z95 * std, value + Z95 * std],
         aliases=list(fitted.candidate.aliases),
-        exact=exact_change(system, name, fitted.change) is not None,
+        exact=name in changes,
     )
     if name in system.units:
         found["unit"] = system.units[name]

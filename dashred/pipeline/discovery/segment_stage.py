@@ -78,7 +78,10 @@ def _search_about_parameters(
         values = None if found is None else about_fitted_parameters(searched, found)
         if values is None or problem.deadline(STAGE).is_over:
             break
-        searched, found = search_libraries(problem.with_parameters(values), nominal)
+        again, better = search_libraries(problem.with_parameters(values), nominal)
+        if better is None or problem.deadline(STAGE).is_over:
+            break
+        searched, found = again, better
     return searched, found
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from torch import Tensor
 
 from dashred.core.findings.law_schema import EnergyLoss, Share
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import build_forcing
+from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 
@@ -35,10 +37,15 @@ def energy_loss(
     """
     if system.config.energy is None:
         return None
-    laws = torch.cat([law.coefficients[None], _draws(law, rng)])
+    changes = torch.tensor([each.change for each in law.parameters], dtype=torch.float64)
+    mean = torch.cat([changes, law.coefficients])
+    laws = torch.cat([mean[None], _draws(law, mean, rng)])
     starts = law.start[:1].expand(len(laws), *law.start.shape[1:])
-    paths = simulate(system, starts, times, build_forcing(law.candidates, laws))
-    best, *drawn = (_shares(system, path, times.numpy()) for path in paths)
+    candidates = [*(each.candidate for each in law.parameters), *law.candidates]
+    paths = simulate(system, starts, times, build_forcing(candidates, laws))
+    # The energy may depend on fitted parameters.
+    fitted = build_corrected_system(system, law)
+    best, *drawn = (_shares(fitted, path, times.numpy()) for path in paths)
     with_cycles = [each for each in drawn if len(each)]
     if not len(best) or not with_cycles:
         return None
@@ -51,12 +58,17 @@ def energy_loss(
     )
 
 
-def _draws(law: Law, rng: np.random.Generator) -> Tensor:
-    """Return coefficients drawn from the posterior, ``(draw, candidate)``."""
-    mean, covariance = law.coefficients.numpy(), law.covariance.numpy()
-    if not law.candidates:
+def _draws(law: Law, mean: Tensor, rng: np.random.Generator) -> Tensor:
+    """Return changes drawn from the posterior, ``(draw, parameter + candidate)``.
+
+    Uncertain parameters are drawn independently of the law.
+    """
+    if not len(mean):
         return torch.zeros((1, 0), dtype=torch.float64)
-    return torch.from_numpy(rng.multivariate_normal(mean, covariance, DRAWS, method="eigh"))
+    variances = np.diag([each.std**2 for each in law.parameters])
+    covariance = block_diag(variances, law.covariance.numpy())
+    drawn = rng.multivariate_normal(mean.numpy(), covariance, DRAWS, method="eigh")
+    return torch.from_numpy(drawn)
 
 
 def _shares(system: System, states: Tensor, times: NDArray[np.float64]) -> NDArray[np.float64]:

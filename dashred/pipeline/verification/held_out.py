@@ -104,7 +104,8 @@ def _in_heldout_time(problem: Problem, analysis: Analysis) -> Predictions:
 def _restarted(problem: Problem, analysis: Analysis) -> list[Predictions]:
     free, heldout = analysis.trajectories, problem.split.heldout
     corrected = free.states["corrected"][: len(problem.split.fit.times)]
-    forecasts = restart(problem, analysis.discovery.best, corrected, free.growth_rate)
+    found = analysis.discovery
+    forecasts = restart(problem, found.best, found.uncorrected, corrected, free.growth_rate)
     return [
         _over_heldout_time(problem, analysis, heldout.samples(part), runs)
         for part, runs in forecasts

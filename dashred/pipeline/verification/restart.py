@@ -38,7 +38,7 @@ FORECAST_GROWTH, MOST_FORECASTS, FEWEST_SAMPLES = 20.0, 8, 8
 
 @torch.no_grad()
 def restart(
-    problem: Problem, law: Law, corrected: Tensor, growth_rate: float = 0.0
+    problem: Problem, law: Law, nothing: Law, corrected: Tensor, growth_rate: float = 0.0
 ) -> list[tuple[slice, dict[str, Tensor]]]:
     """Return forecasts of the held-out time from states that are fitted just before them.
 
@@ -50,6 +50,7 @@ def restart(
     Args:
         problem: the recording.
         law: the law.
+        nothing: the empty law, with the parameters that were fitted without a law.
         corrected: free run of the corrected simulator over the fit window, ``(time, field)``. The
             prior mean of the state is that state of the run whose readings are nearest, and the
             prior std is the std of the run.
@@ -68,7 +69,7 @@ def restart(
     sound = noise.available.any(dim=0)
     noise = replace(noise, available=~values.isnan() & sound)
     systems = {
-        "simulation_refit": problem.system,
+        "simulation_refit": build_corrected_system(problem.system, nothing),
         "corrected": build_corrected_system(problem.system, law),
     }
     span = _forecast_samples(problem, last - first, growth_rate)

@@ -154,5 +154,16 @@ def test_collinear_terms_and_parameters_give_way_to_an_uncertain_one(tmp_path: P
     assert _names(build_candidates(system, library, states, 0.0)) == ["k", "b", "q**3"]
 
 
+def test_uncertain_parameters_remain_whatever_the_simulation_shows(tmp_path: Path) -> None:
+    """Both of a collinear pair, and one that has no effect on the simulation as it is."""
+    text = SPRING.replace("m: 1.0}", "m: 1.0, lim: 9.0}").replace("- b*p", "- b*clip(p, -lim, lim)")
+    system = laws.declared(tmp_path, text)
+    states = simulate(system, nominal_start(system), TIMES)[0]
+    priors = dict.fromkeys(("k", "m", "lim"), PRIOR)
+    parameters, others = split_parameters(build_candidates(system, [], states, 0.0, priors=priors))
+    assert {c.name for c in parameters.candidates} == {"k", "m", "lim"}
+    assert _names(others) == ["b"]
+
+
 def _names(candidates: list[Candidate]) -> list[str]:
     return [candidate.name for candidate in candidates]

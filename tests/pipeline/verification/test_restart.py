@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from dashred.config import load_config
-from dashred.inference.fit.law import Law, SensorFault
+from dashred.inference.fit.law import FittedParameter, Law, SensorFault
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.pipeline.problem import Problem, build_problem
@@ -26,6 +26,7 @@ system:
   start: {x: 1, p: 0}
   integrator: {method: rk4, dt: 0.02}
 """
+NOTHING = laws.law()
 TIMES, DAMPING, SIGMA = 0.05 * np.arange(401), -0.1, 0.002
 
 
@@ -62,7 +63,7 @@ def make_problem(
 def test_with_the_law_it_is_right_and_without_it_drifts(tmp_path: Path) -> None:
     problem, states = make_problem(tmp_path)
     fit = len(problem.split.fit.times)
-    [(part, runs)] = restart(problem, law(problem.system, states[0]), states[:fit])
+    [(part, runs)] = restart(problem, law(problem.system, states[0]), NOTHING, states[:fit])
     assert part == slice(0, len(TIMES) - fit)
     assert {run.shape for run in runs.values()} == {(len(TIMES) - fit, 2)}
     before, after = (
@@ -80,7 +81,9 @@ def test_nothing_of_the_held_out_time_has_a_part_in_it(tmp_path: Path) -> None:
     fit = len(problem.split.fit.times)
     assert not np.array_equal(problem.split.heldout.values, other.split.heldout.values)
     found = law(problem.system, states[0])
-    [(_, runs)], [(_, again)] = (restart(each, found, states[:fit]) for each in (problem, other))
+    [(_, runs)], [(_, again)] = (
+        restart(each, found, NOTHING, states[:fit]) for each in (problem, other)
+    )
     for name, run in runs.items():
         assert torch.equal(run, again[name])
 
@@ -89,9 +92,9 @@ def test_only_the_last_samples_are_fitted(tmp_path: Path) -> None:
     problem, states = make_problem(tmp_path)
     fit = len(problem.split.fit.times)
     found = law(problem.system, states[0])
-    [(_, runs)] = restart(problem, found, states[:fit])
+    [(_, runs)] = restart(problem, found, NOTHING, states[:fit])
     problem.split.fit.values[: fit - FIT_SAMPLES] += 3.0
-    [(_, again)] = restart(problem, found, states[:fit])
+    [(_, again)] = restart(problem, found, NOTHING, states[:fit])
     # σ keeps its floor in the traces' std, which has grown: it weighs all samples alike.
     torch.testing.assert_close(again["corrected"], runs["corrected"], rtol=1e-4, atol=1e-4)
 
@@ -104,9 +107,9 @@ def test_a_sensor_at_fault_has_no_part_in_it(tmp_path: Path) -> None:
     sound = law(problem.system, states[0])
     faulty = replace(sound, faults=(SensorFault("bias", "p", 0.7, 0.01, None),))
     [(_, misled)], [(_, runs)] = (
-        restart(problem, found, states[:fit]) for found in (sound, faulty)
+        restart(problem, found, NOTHING, states[:fit]) for found in (sound, faulty)
     )
-    [(_, expected)] = restart(alone, sound, states[:fit])
+    [(_, expected)] = restart(alone, sound, NOTHING, states[:fit])
     for name, run in expected.items():
         torch.testing.assert_close(runs[name], run, rtol=1e-6, atol=1e-6)
         assert float((misled[name] - run).abs().max()) > 0.05
@@ -114,4 +117,20 @@ def test_a_sensor_at_fault_has_no_part_in_it(tmp_path: Path) -> None:
 
 def test_without_held_out_time_there_is_nothing_to_forecast(tmp_path: Path) -> None:
     problem, states = make_problem(tmp_path)
-    assert restart(problem, law(problem.system, states[0]), states) == []
+    assert restart(problem, law(problem.system, states[0]), NOTHING, states) == []
+
+
+def test_without_the_law_fitted_parameters_have_their_values(tmp_path: Path) -> None:
+    problem, states = make_problem(tmp_path)
+    stiff = laws.parameter(problem.system, "k")
+    fit = len(problem.split.fit.times)
+    nothing = replace(NOTHING, parameters=(FittedParameter(stiff, -1.0, 0.1),))
+    found = law(problem.system, states[0])
+    [(_, runs)] = restart(problem, found, nothing, states[:fit])
+    [(_, plain)] = restart(problem, found, NOTHING, states[:fit])
+    assert torch.equal(runs["corrected"], plain["corrected"])
+    # The stiffness is 3 instead of 4.
+    own = problem.with_parameters({"k": 3.0})
+    [(_, expected)] = restart(own, found, NOTHING, states[:fit])
+    torch.testing.assert_close(runs["simulation_refit"], expected["simulation_refit"])
+    assert float((runs["simulation_refit"] - plain["simulation_refit"]).abs().max()) > 0.1

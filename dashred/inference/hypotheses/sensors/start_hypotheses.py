@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import torch
+from torch import Tensor
+
 from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.least_squares import NormalEquations
 from dashred.inference.hypotheses.free_forcing import evidence
@@ -26,33 +29,41 @@ def fit_start_hypotheses(null: HypothesisFit, bound: float = math.inf) -> list[H
         bound: a fit with a worse F is not repeated over a growing horizon.
     """
     objective, phi, normal = null.objective, null.phi, null.normal
-    factor = _best_factor(normal, 1.0)
-    if _evidence_of_factor(normal, factor) > _evidence_of_factor(normal, 1.0):
+    start = objective.forward_model.start
+    size = start.size
+    factor = _best_factor(normal, size, 1.0)
+    if _evidence_of_factor(normal, size, factor) > _evidence_of_factor(normal, size, 1.0):
         return []
-    z, start = phi / factor, objective.forward_model.start
+    z = _scaled(phi, size, 1 / factor)
     for _ in range(MAX_ROUNDS):
         problem = objective.with_start(ScaledStart(start, factor))
         fitted = fit_growing_horizon(problem, z, bound)
         normal_there = problem.linearise(fitted.phi, fitted.readings)
-        previous, factor = factor, _best_factor(normal_there, factor)
+        previous, factor = factor, _best_factor(normal_there, size, factor)
         if factor == previous:
             break
-        z = fitted.phi * previous / factor
-    plain = replace(normal_there, precision=normal_there.precision * previous**2)
-    wide_penalty = _penalty_part(_mean_evidence(normal_there, previous), normal_there)
-    plain_penalty = _penalty_part(_evidence_of_factor(plain, 1.0), plain)
+        z = _scaled(fitted.phi, size, previous / factor)
+    precision = _scaled(normal_there.precision, size, previous**2)
+    plain = replace(normal_there, precision=precision)
+    wide_penalty = _penalty_part(_mean_evidence(normal_there, size, previous), normal_there)
+    plain_penalty = _penalty_part(_evidence_of_factor(plain, size, 1.0), plain)
     penalty = wide_penalty - plain_penalty
     score = fitted.cost + penalty + math.log(objective.noise.effective_count)
     law = replace(build_law(problem, fitted, score, normal_there), start_prior_factor=previous)
     return [HypothesisFit(law, problem, fitted.phi)]
 
 
-def _mean_evidence(normal: NormalEquations, factor: float) -> float:
+def _scaled(values: Tensor, size: int, factor: float) -> Tensor:
+    """Return values of all unknowns with those of the start, the first ones, scaled."""
+    return torch.cat([factor * values[:size], values[size:]])
+
+
+def _mean_evidence(normal: NormalEquations, size: int, factor: float) -> float:
     """Return the evidence averaged over all factors, about a fit under one of them.
 
     It is averaged because the best of many does well by chance.
     """
-    values = [_evidence_of_factor(normal, wider / factor) for wider in FACTORS]
+    values = [_evidence_of_factor(normal, size, wider / factor) for wider in FACTORS]
     least = min(values)
     shares = sum(math.exp((least - value) / 2) for value in values) / len(values)
     return least - 2 * math.log(shares)
@@ -63,12 +74,12 @@ def _penalty_part(value: float, normal: NormalEquations) -> float:
     return value - normal.minimum()
 
 
-def _best_factor(normal: NormalEquations, factor: float) -> float:
+def _best_factor(normal: NormalEquations, size: int, factor: float) -> float:
     """Return the factor of the prior with the best evidence, about a fit under a given factor."""
-    return min(FACTORS, key=lambda wider: _evidence_of_factor(normal, wider / factor))
+    return min(FACTORS, key=lambda wider: _evidence_of_factor(normal, size, wider / factor))
 
 
-def _evidence_of_factor(normal: NormalEquations, factor: float) -> float:
-    """Return the evidence of a prior that is wider by a factor."""
-    wide = replace(normal, precision=normal.precision / factor**2)
+def _evidence_of_factor(normal: NormalEquations, size: int, factor: float) -> float:
+    """Return the evidence of a prior of the start, of so many modes, that is wider by a factor."""
+    wide = replace(normal, precision=_scaled(normal.precision, size, factor**-2))
     return evidence(wide, range(len(normal.phi)))
