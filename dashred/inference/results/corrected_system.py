@@ -40,6 +40,18 @@ def build_corrected_system(system: System, law: Law) -> System:
     return with_parameters(system, changed).with_terms(terms)
 
 
+def build_fitted_system(system: System, law: Law) -> System:
+    """Return the system with the fitted values of uncertain parameters, and without the law.
+
+    Parameters without a value of the same effect keep theirs; see :func:`build_corrected_system`.
+    """
+    known, changes = system.config.parameters, exact_changes(system, law)
+    uncertain = {each.candidate.name for each in law.parameters}
+    return with_parameters(
+        system, {name: known[name] + changes[name] for name in uncertain & changes.keys()}
+    )
+
+
 def _tangents(system: System, parameter: str) -> Iterator[Term]:
     """Yield ``∂N/∂p`` of every equation, at the parameter values of the system."""
     for equation, slope in parameter_slopes(system, parameter).items():

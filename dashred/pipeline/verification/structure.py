@@ -7,6 +7,7 @@ from torch import Tensor
 
 from dashred.core.findings.law_schema import PartChange, StructureChanges
 from dashred.inference.fit.law import Law
+from dashred.inference.results.corrected_system import build_fitted_system
 from dashred.inference.results.structure_change import stays_port_hamiltonian, structure_changes
 from dashred.physics.port_hamiltonian import PortHamiltonian
 from dashred.physics.sampled_states import SampledStates
@@ -38,6 +39,8 @@ def structure_change(
 ) -> StructureChanges | None:
     """Return the change of the structure by a law; None if no structure is declared.
 
+    The structure has the fitted values of uncertain parameters.
+
     Args:
         system: the simulator.
         law: the law.
@@ -46,10 +49,8 @@ def structure_change(
     """
     if system.config.structure is None or not law.candidates:
         return None
-    form, sampled_states = (
-        PortHamiltonian.of(system, system.config.structure),
-        _sample_states(times, states),
-    )
+    fitted, sampled_states = build_fitted_system(system, law), _sample_states(times, states)
+    form = PortHamiltonian.of(fitted, system.config.structure)
     changes = structure_changes(form, law, sampled_states)
     return StructureChanges(
         changes=[

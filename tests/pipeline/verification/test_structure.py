@@ -10,11 +10,14 @@ import torch
 
 from dashred.config import load_config
 from dashred.core.errors import InputError
+from dashred.inference.fit.law import FittedParameter
+from dashred.inference.forward.candidates import ChangePrior
 from dashred.physics.backends.input_signals import InputSignals
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
-from dashred.pipeline.verification.structure import check_structure
+from dashred.pipeline.verification.structure import check_structure, structure_change
+from tests import laws
 
 
 @pytest.mark.parametrize("name", ["mass_spring", "wave"])
@@ -41,6 +44,29 @@ def test_a_port_is_held_against_the_drive_that_was_measured(gain: str, says: str
         return
     with pytest.raises(InputError, match=says):
         check_structure(system, times, states)
+
+
+@pytest.mark.parametrize(("change", "stays"), [(0.0, True), (-0.5, False)])
+def test_a_fitted_damping_counts_beside_the_law(change: float, stays: bool) -> None:
+    """A damping below zero adds energy, whatever the law removes."""
+    config = load_config(["conf=mass_spring"], entry="test")
+    assert config.system.structure is not None
+    damped = replace(
+        config.system,
+        parameters={**config.system.parameters, "c": 0.1},
+        equations={"q": "p/m", "p": "-k*q - c*p/m"},
+        structure=replace(config.system.structure, R={"p": {"p": "c"}}),
+    )
+    system = System(damped, config.where)
+    times = torch.linspace(0, 3, 16, dtype=torch.float64)
+    states = simulate(system, nominal_start(system), times)[0]
+    damping = replace(laws.parameter(system, "c"), prior=ChangePrior(0.0, 1.0))
+    found = replace(
+        laws.law([laws.term(system, "p", "p")], [-0.001]),
+        parameters=(FittedParameter(damping, change, 0.01),),
+    )
+    changes = structure_change(system, found, times, states)
+    assert changes is not None and changes["port_hamiltonian"] == stays
 
 
 def test_an_even_force_on_a_string_between_fixed_ends_is_of_a_structure() -> None:
