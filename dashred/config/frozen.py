@@ -13,6 +13,13 @@ from dashred.config.schema.settings import Settings
 OUTPUT_SECTIONS = ("output", "tracking")
 # Keys that apply only to recording a twin, not to an existing recording.
 TWIN_ONLY = ("noise", "duration", "reads")
+# Keys that are left out if they are empty.
+LATER_KEYS = (
+    ("system", "units"),
+    ("system", "parameter_spread"),
+    ("system", "tables"),
+    ("recording", "angles"),
+)
 
 
 def frozen_input(config: Settings) -> dict[str, Any]:
@@ -27,16 +34,11 @@ def frozen_input(config: Settings) -> dict[str, Any]:
         for field in fields(Settings)
         if field.name not in OUTPUT_SECTIONS
     }
-    if not values["system"]["units"]:
-        # Keeps the hash of configurations from before units were introduced.
-        del values["system"]["units"]
-    for key in ("parameter_spread", "tables"):
-        # The same for later keys.
-        if not values["system"][key]:
-            del values["system"][key]
     recording = values["recording"]
-    if not recording["angles"]:
-        del recording["angles"]
+    # Keeps the hash of configurations from before these keys were introduced.
+    for section, key in LATER_KEYS:
+        if not values[section][key]:
+            del values[section][key]
     if recording["path"] is not None:
         for key in TWIN_ONLY:
             del recording[key]

@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.core.errors import InputError, nearest
+from dashred.core.errors import InputError
 from dashred.core.unit_conversion import conversion
 from dashred.data.episodes import Episode, Episodes, name_episode_in_errors
 from dashred.data.recording import Recording
-from dashred.data.sensors import Sensor
+from dashred.data.sensors import Sensor, check_named_sensors
 from dashred.physics.system import System
 
 # Of the steps between readings, at most this share may be longer than this share of a turn:
@@ -43,11 +43,7 @@ def continue_angles(
         InputError: a name is neither that of a sensor nor of what one reads, readings span more
             than a turn, or a sensor turns too fast between two readings.
     """
-    known = [name for sensor in episodes.sensors for name in (sensor.name, sensor.reads)]
-    for name in wrapped:
-        if name not in known:
-            problem = f"recording.angles names {name!r}, but no sensor has or reads this name"
-            raise InputError(problem, where=where, hint=nearest(name, known))
+    check_named_sensors(episodes.sensors, wrapped, "recording.angles", where)
     if not wrapped:
         return episodes
     parts = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -93,6 +93,27 @@ class Sensor:
 def observable_names(system: SystemDescription) -> tuple[str, ...]:
     """Return the names that a sensor of this system may read: fields, then derived quantities."""
     return (*system.fields, *system.lets)
+
+
+def check_named_sensors(
+    sensors: Sequence[Sensor], names: Iterable[str], key: str, where: str
+) -> None:
+    """Check that every name is that of a sensor or of what one reads.
+
+    Args:
+        sensors: of the recording.
+        names: what a configuration key names.
+        key: this key, for error messages.
+        where: its location.
+
+    Raises:
+        InputError: one is neither.
+    """
+    known = [name for sensor in sensors for name in (sensor.name, sensor.reads)]
+    for name in names:
+        if name not in known:
+            problem = f"{key} names {name!r}, but no sensor has or reads this name"
+            raise InputError(problem, where=where, hint=nearest(str(name), known))
 
 
 def check_sensor(sensor: Sensor, system: SystemDescription, where: str) -> None:

@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from dashred.core.errors import InputError, nearest
 from dashred.core.stated_noise import parse_noise
 from dashred.data.episodes import Episode, Episodes
-from dashred.data.sensors import Sensor
+from dashred.data.sensors import Sensor, check_named_sensors
 
 
 def with_noise_of_sensors(episodes: Episodes, stated: Any, where: str) -> Episodes:
@@ -29,11 +28,7 @@ def with_noise_of_sensors(episodes: Episodes, stated: Any, where: str) -> Episod
     if stated is None:
         return episodes
     if isinstance(stated, Mapping):
-        known = [n for sensor in episodes.sensors for n in (sensor.name, sensor.reads)]
-        for name in stated:
-            if name not in known:
-                problem = f"recording.std names {name!r}, but no sensor has or reads this name"
-                raise InputError(problem, where=where, hint=nearest(str(name), known))
+        check_named_sensors(episodes.sensors, stated, "recording.std", where)
     sensors = tuple(_stated(sensor, stated, where) for sensor in episodes.sensors)
     return _with_sensors(episodes, sensors)
 

@@ -105,16 +105,15 @@ def _run(
     all_times = torch.cat([times, forecast])
     # A start that is known exactly equals the nominal one.
     shift = SHIFT * (nominal - start if bool((nominal != start).any()) else start)
-    starts = torch.stack([start, refitted, start, start + shift])
-    none, law = torch.zeros_like(best.coefficients), best.coefficients
-    own, others = _changes(best), _changes(nothing)
-    rows = [(own, none), (others, none), (own, law), (own, law)]
-    parameters = [each.candidate for each in best.parameters]
-    forcing = build_forcing(
-        [*parameters, *best.candidates], torch.stack(list(map(torch.cat, rows)))
+    uncorrected = start if best.candidates else nominal
+    starts = torch.stack([uncorrected, refitted, start, start + shift])
+    none, (candidates, law) = torch.zeros_like(best.coefficients), best.changes
+    without, refitted_without = (
+        torch.cat([each.parameter_changes, none]) for each in (best, nothing)
     )
+    forcing = build_forcing(candidates, torch.stack([without, refitted_without, law, law]))
     same_start, refit, corrected, shifted = simulate(problem.system, starts, all_times, forcing)
-    if not best.candidates:
+    if best.parameters and not best.candidates:
         [same_start] = simulate(problem.stated_system, nominal[None], all_times)
     states = {
         "simulation_same_start": same_start,
@@ -123,11 +122,6 @@ def _run(
     }
     rate = _growth_rate(times, corrected[: len(times)], shifted[: len(times)])
     return Trajectories(all_times, len(times), states, rate)
-
-
-def _changes(law: Law) -> Tensor:
-    """Return the fitted changes of the uncertain parameters, ``(parameter,)``."""
-    return torch.tensor([each.change for each in law.parameters], dtype=torch.float64)
 
 
 def _growth_rate(times: Tensor, states: Tensor, shifted: Tensor) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dashred.core.errors import InputError
 from dashred.physics.declaration import Declaration
-from dashred.physics.expressions.algebra import ZERO, Expr, names, substitute
+from dashred.physics.expressions.algebra import ZERO, names
 from dashred.physics.expressions.differentiate import differentiate
 
 
@@ -15,7 +15,9 @@ def check_uncertain_parameters(declared: Declaration) -> None:
         InputError: no equation depends on the parameter, or only through the place of a jump.
     """
     spreads = declared.config.parameter_spread
-    equations = _without_lets(declared) if spreads else []
+    if not spreads:
+        return
+    equations = [declared.without_lets(expr) for expr in declared.equations.values()]
     for name in spreads:
         place = declared.where(f"system.parameter_spread.{name}")
         if not any(name in names(equation) for equation in equations):
@@ -25,11 +27,3 @@ def check_uncertain_parameters(declared: Declaration) -> None:
             what = f"{name} has a spread, but it only moves a jump (step, sign, where)"
             hint = "remove the spread: the place of a jump cannot be fitted"
             raise InputError(what, where=place, hint=hint)
-
-
-def _without_lets(declared: Declaration) -> list[Expr]:
-    """Return the equations with lets substituted and parameters by name."""
-    lets: dict[str, Expr] = {}
-    for name, expression in declared.lets.items():
-        lets[name] = substitute(expression, lets)
-    return [substitute(expression, lets) for expression in declared.equations.values()]

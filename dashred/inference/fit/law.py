@@ -134,6 +134,18 @@ class Law:
         return self.covariance.diagonal().clamp(min=0).sqrt()
 
     @property
+    def parameter_changes(self) -> Tensor:
+        """Changes of the uncertain parameters, ``(parameter,)``."""
+        return torch.tensor([each.change for each in self.parameters], dtype=torch.float64)
+
+    @property
+    def changes(self) -> tuple[tuple[Candidate, ...], Tensor]:
+        """The uncertain parameters, then the terms of the law, each with its coefficient."""
+        parameters = tuple(each.candidate for each in self.parameters)
+        coefficients = torch.cat([self.parameter_changes, self.coefficients])
+        return (*parameters, *self.candidates), coefficients
+
+    @property
     def keys(self) -> frozenset[str]:
         """Keys of the candidates, without windows, faults and the start."""
         return frozenset(candidate.key for candidate in self.candidates)

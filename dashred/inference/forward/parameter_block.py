@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -40,7 +41,7 @@ class ParameterBlock:
         """Prior standard deviation of every change, ``(parameter,)``, in the user's units."""
         return self._priors[:, 1]
 
-    @property
+    @cached_property
     def _priors(self) -> Tensor:
         priors = [candidate.prior for candidate in self.candidates]
         return torch.tensor(priors, dtype=torch.float64).reshape(-1, 2)

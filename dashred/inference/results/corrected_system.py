@@ -23,8 +23,8 @@ def build_corrected_system(system: System, law: Law) -> System:
     known = system.config.parameters
     changed = {name: known[name] + change for name, change in changes.items()}
     terms: list[tuple[Term, float]] = []
-    fitted = [(each.candidate, each.change) for each in law.parameters]
-    for candidate, value in [*fitted, *zip(law.candidates, law.coefficients.tolist(), strict=True)]:
+    candidates, coefficients = law.changes
+    for candidate, value in zip(candidates, coefficients.tolist(), strict=True):
         if candidate.equation is None:
             if candidate.name not in changes:
                 terms.extend((tangent, value) for tangent in _tangents(system, candidate.name))

@@ -36,9 +36,9 @@ def exact_changes(system: System, law: Law) -> dict[str, float]:
         system: the simulator, about whose parameters the law is linearised.
         law: the law.
     """
-    uncertain = {each.candidate.name: each.change for each in law.parameters}
-    pairs = zip(law.candidates, law.coefficients.tolist(), strict=True)
-    changed = uncertain | {c.name: value for c, value in pairs if c.equation is None}
+    candidates, coefficients = law.changes
+    pairs = zip(candidates, coefficients.tolist(), strict=True)
+    changed = {c.name: value for c, value in pairs if c.equation is None}
     if acts_linearly(system, changed):
         return changed
     if not law.parameters:
@@ -51,7 +51,7 @@ def exact_changes(system: System, law: Law) -> dict[str, float]:
         if change is not None:
             return {name: change}
     is_settled = all(abs(each.change) <= SETTLED * each.std for each in law.parameters)
-    return uncertain if is_settled else {}
+    return {each.candidate.name: each.change for each in law.parameters} if is_settled else {}
 
 
 def _entry(

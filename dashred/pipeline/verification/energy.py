@@ -37,11 +37,9 @@ def energy_loss(
     """
     if system.config.energy is None:
         return None
-    changes = torch.tensor([each.change for each in law.parameters], dtype=torch.float64)
-    mean = torch.cat([changes, law.coefficients])
+    candidates, mean = law.changes
     laws = torch.cat([mean[None], _draws(law, mean, rng)])
     starts = law.start[:1].expand(len(laws), *law.start.shape[1:])
-    candidates = [*(each.candidate for each in law.parameters), *law.candidates]
     paths = simulate(system, starts, times, build_forcing(candidates, laws))
     # The energy may depend on fitted parameters.
     fitted = build_corrected_system(system, law)
