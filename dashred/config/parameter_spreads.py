@@ -11,7 +11,7 @@ from typing import Any
 
 from dashred.config.layers import where_in
 from dashred.config.schema.types import Where
-from dashred.config.source import Source
+from dashred.config.source import Source, section_of
 from dashred.core.errors import InputError, nearest
 
 # The plain section of each key of the short form.
@@ -33,7 +33,7 @@ def write_out_spreads(source: Source) -> Source:
     """
     where = where_in(source.lines)
     values = with_plain_parameters(source.values, where)
-    stated = _section(_section(source.values, "system"), "parameter_spread")
+    stated = section_of(section_of(source.values, "system"), "parameter_spread")
     for name, entry in _short_forms(source.values).items():
         key = f"system.parameters.{name}"
         if "value" not in entry:
@@ -99,11 +99,5 @@ def _check_part(part: str, key: str, where: str) -> None:
 
 def _short_forms(values: dict[str, Any]) -> dict[str, dict[str, Any]]:
     """Return the parameters that are sections of keys, by name."""
-    parameters = _section(_section(values, "system"), "parameters")
+    parameters = section_of(section_of(values, "system"), "parameters")
     return {name: given for name, given in parameters.items() if isinstance(given, dict) and given}
-
-
-def _section(values: dict[str, Any], name: str) -> dict[str, Any]:
-    """Return a section, empty if there is none; other values are refused later."""
-    found = values.get(name)
-    return found if isinstance(found, dict) else {}

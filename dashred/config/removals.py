@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from dashred.config.source import Source
+from dashred.config.source import Source, section_of
 from dashred.core.errors import InputError, nearest
 
 REMOVED = ("~", None)
@@ -35,10 +35,10 @@ def remove_entries(written: Source, overrides: Source) -> tuple[Source, Source]:
     Raises:
         InputError: the system does not have such an entry.
     """
-    entries, others = _section(written.values, "system"), _section(overrides.values, "system")
+    entries, others = section_of(written.values, "system"), section_of(overrides.values, "system")
     keys: list[str] = []
     for section in SECTIONS:
-        values, known = _section(others, section), _section(entries, section)
+        values, known = section_of(others, section), section_of(entries, section)
         removed = [name for name, value in values.items() if value in REMOVED]
         for name in removed:
             if name not in known:
@@ -48,16 +48,10 @@ def remove_entries(written: Source, overrides: Source) -> tuple[Source, Source]:
             entries[section] = _without(known, removed)
             others[section] = _without(values, removed)
         keys += [f"system.{section}.{name}" for name in removed]
-        if section == "parameters" and (spreads := _section(entries, "parameter_spread")):
+        if section == "parameters" and (spreads := section_of(entries, "parameter_spread")):
             entries["parameter_spread"] = _without(spreads, removed)
             keys += [f"system.parameter_spread.{name}" for name in removed]
     return _with_system(written, entries, keys), _with_system(overrides, others, keys)
-
-
-def _section(values: dict[str, Any], name: str) -> dict[str, Any]:
-    """Return a copy of a section, empty if there is none; other values are checked later."""
-    found = values.get(name)
-    return dict(found) if isinstance(found, dict) else {}
 
 
 def _without(entries: dict[str, Any], removed: list[str]) -> dict[str, Any]:

@@ -54,6 +54,12 @@ class Source:
     lines: dict[str, str]
 
 
+def section_of(values: dict[str, Any], name: str) -> dict[str, Any]:
+    """Return a copy of a section, empty if there is none; other values are refused later."""
+    found = values.get(name)
+    return dict(found) if isinstance(found, dict) else {}
+
+
 def read_file(path: Path, *, label: str) -> Source:
     """Read a YAML file with one mapping.
 

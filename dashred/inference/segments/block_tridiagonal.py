@@ -83,20 +83,12 @@ class BlockNormal:
         target = self.shared_gradient - self._flat_border.T @ solved[:, -1]
         cost = self.cost - float(self.node_gradient.ravel() @ solved[:, -1])
         gram = (gram + gram.T) / 2
-        return (gram, target, cost) if kept is None else _eliminate(gram, target, cost, kept)
+        return _eliminate(gram, target, cost, len(target) if kept is None else kept)
 
     def minimum(self) -> float | None:
         """Return min F of the linearised problem; None without a Cholesky factor."""
-        profiled = self.profiled()
-        if profiled is None:
-            return None
-        gram, target, constant = profiled
-        if not len(target):
-            return constant
-        try:
-            return constant - float(target @ solve(gram, target, assume_a="pos"))
-        except (LinAlgError, ValueError):
-            return None
+        profiled = self.profiled(0)
+        return None if profiled is None else profiled[2]
 
     def covariance(self, components: Sequence[int]) -> Array | None:
         """Return the covariance of some components at every node; None without a factor.
