@@ -16,11 +16,8 @@ from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 from dashred.physics.tangents.ode_tangents import has_ode_tangents
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
-from dashred.pipeline.simulation.segmented_record import (
-    SegmentedRecord,
-    resolve_steps,
-    segment_record,
-)
+from dashred.pipeline.simulation.segment_resolution import resolve_steps
+from dashred.pipeline.simulation.segmented_record import SegmentedRecord, segment_record
 from dashred.pipeline.simulation.state_samples import state_samples
 
 STAGE = "search over segments"

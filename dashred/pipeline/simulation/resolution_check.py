@@ -24,7 +24,8 @@ from dashred.physics.solvers.simulate import Progress
 from dashred.physics.system import System
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
-from dashred.pipeline.simulation.segmented_record import can_restart, local_resolution
+from dashred.pipeline.simulation.segment_resolution import local_resolution
+from dashred.pipeline.simulation.segmented_record import can_restart
 from dashred.pipeline.simulation.time_limit import within
 
 # First part of a record in which a simulation without its dissipation may still be resolved.

@@ -15,7 +15,7 @@ from dashred.pipeline import equations
 from dashred.pipeline.problem import build_problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 from dashred.pipeline.simulation.resolution_check import check_discretisation
-from dashred.pipeline.simulation.segmented_record import _typical_change
+from dashred.pipeline.simulation.segment_resolution import _typical_change
 from tests.pipeline.simulation.conftest import SHORT_RUN
 
 TEXT = (
