@@ -46,7 +46,9 @@ def is_exact(system: System, entries: Sequence[Mapping[str, Any]], truth: Truth)
 
 def _has_true_terms(system: System, entries: Sequence[Mapping[str, Any]], truth: Truth) -> bool:
     """Return whether a law has the true terms, with coefficients within the tolerance."""
-    if not truth.terms or any(entry["equation"] is None or entry["region"] for entry in entries):
+    if not truth.terms or any(
+        entry["equation"] is None or entry.get("region") for entry in entries
+    ):
         return False
     terms = [TrueTerm(e["equation"], str(e["term"]), float(e["coefficient"])) for e in entries]
     told, known = (_summed(system, each) for each in (terms, truth.terms))

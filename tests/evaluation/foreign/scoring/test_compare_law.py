@@ -74,6 +74,12 @@ def test_a_force_without_a_name_may_be_told_by_several_terms() -> None:
     assert is_exact(SYSTEM, told, nameless)
 
 
+def test_terms_of_other_methods_have_no_region() -> None:
+    told = {"equation": "x", "term": "x**2", "coefficient": -0.31}
+    assert is_exact(SYSTEM, [told], SQUARE)
+    assert not is_exact(SYSTEM, [{**told, "coefficient": -0.35}], SQUARE)
+
+
 def test_a_parameter_that_does_the_same_is_exact() -> None:
     changed = {"equation": None, "parameter": "k", "term": "k", "to": 0.8, "ci95": [0.7, 0.9]}
     hidden = truth(x=-0.3 * STATES[:, 0])
