@@ -61,7 +61,6 @@ class CandidateSimulator:
         for candidate in candidates:
             self._columns[candidate.key] = [*range(first, first + len(candidate.terms))]
             first += len(candidate.terms)
-        self._places = {term: place for place, term in enumerate(self.terms)}
         self._layout = CoefficientLayout(len(self.terms), shapes)
         self.has_tangents = has_spectral_tangents(system, self.terms) or has_ode_tangents(
             system, self.terms
@@ -70,6 +69,12 @@ class CandidateSimulator:
     @cached_property
     def _run(self) -> CompiledSystem:
         return compile_system(self.system, self.terms, self.shapes)
+
+    @property
+    def compiled(self) -> CompiledETDRK4 | None:
+        """The compiled spectral simulator; None before the first run, and for other systems."""
+        compiled = vars(self).get("_run")
+        return compiled if isinstance(compiled, CompiledETDRK4) else None
 
     def coarse(self) -> CandidateSimulator:
         """Return the simulator with the time step of the derivative for its trajectories, too."""
@@ -133,32 +138,21 @@ class CandidateSimulator:
         sources: Sequence[tuple[Term, ...]],
         sampled_forcing: SampledForcing | None,
         forcing_basis: ForcingBasis | None,
+        weights: Tensor | None,
     ) -> Iterator[tuple[Tensor, Tensor]]:
         """Yield the state and its derivatives at every time.
 
         The columns are the directions of the start, the sources and the amplitudes of the forcing.
+        See :meth:`.simulator.Simulator.tangents`.
         """
         base = self.tangent, start, directions, times, forcing, sources
         if not self.system.axes:
             return tangent_ode(*base, sampled_forcing, forcing_basis)
-        reference = self._compiled_trajectory(forcing, sampled_forcing)
+        compiled, reference = self.compiled, None
+        if compiled is not None and weights is not None:
+            compiled = compiled.with_step(self.tangent.dt)
+            reference = CompiledTrajectory(compiled, weights, sampled_forcing)
         return tangent_linear(*base, torch.float32, sampled_forcing, forcing_basis, reference)
-
-    def _compiled_trajectory(
-        self, forcing: Forcing, sampled_forcing: SampledForcing | None
-    ) -> CompiledTrajectory | None:
-        """Return the trajectory under a law; None if its terms are not compiled.
-
-        A simulator that is only linearised is not compiled for that.
-        """
-        compiled = vars(self).get("_run")
-        places = [self._places.get(term) for term in forcing.terms]
-        if not isinstance(compiled, CompiledETDRK4) or None in places:
-            return None
-        weights = torch.zeros((1, self._layout.count), dtype=torch.float64)
-        for place, coefficient in zip(places, forcing.coefficients[0], strict=True):
-            weights[0, place] += coefficient
-        return CompiledTrajectory(compiled.with_step(self.tangent.dt), weights, sampled_forcing)
 
     def _by_term(self, candidates: Sequence[Candidate], xi: Tensor) -> Tensor:
         weights = torch.zeros((len(xi), len(self.terms)), dtype=torch.float64)

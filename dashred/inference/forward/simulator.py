@@ -52,6 +52,11 @@ class Simulator:
         self.system, self.tangent, self.shapes = first.system, first.tangent, first.shapes
         self.has_tangents = all(part.has_tangents for part in parts)
 
+    @property
+    def is_compiled(self) -> bool:
+        """Whether the trajectories about which it is linearised are integrated by compiled code."""
+        return all(part.compiled is not None for part in self.parts)
+
     def coarse(self) -> Simulator:
         """Return the simulators with the time step of the derivative for trajectories, too."""
         return self._each(CandidateSimulator.coarse)
@@ -109,6 +114,7 @@ class Simulator:
         sources: Sequence[tuple[Term, ...]],
         sampled_forcing: SampledForcing | None,
         forcing_basis: ForcingBasis | None,
+        weights: Tensor | None,
     ) -> Samples:
         """Yield states and their derivatives in blocks of samples.
 
@@ -125,9 +131,11 @@ class Simulator:
             sampled_forcing: the free forcing, one row; None without one.
             forcing_basis: basis of the free forcing; the last columns are derivatives by its
                 amplitudes.
+            weights: weights of the law, ``(1, weight)``, for a compiled trajectory; None for one
+                that is not compiled.
         """
         moving = directions.flatten(2).any(dim=2)
-        shared = forcing, sources, sampled_forcing, forcing_basis
+        shared = forcing, sources, sampled_forcing, forcing_basis, weights
         each = []
         for e, part in enumerate(self.parts):
             own, moved = without_padding(times[:, e]), moving[:, e]

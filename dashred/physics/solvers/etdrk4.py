@@ -12,6 +12,8 @@ from torch import Tensor
 
 CONTOUR_POINTS = 32
 CACHE_SIZE = 8
+# Values whose contours are integrated together, to fit in the cache.
+VALUES_AT_ONCE = 512
 
 
 class Coefficients(NamedTuple):
@@ -105,17 +107,22 @@ def _contour_integrals(z: Tensor, h: float, order: int = 0) -> tuple[Tensor, ...
 
 def _integrals_around(z: Tensor, h: float, order: int) -> tuple[Tensor, ...]:
     angles = (torch.arange(CONTOUR_POINTS, dtype=torch.float64) + 0.5) / CONTOUR_POINTS
-    roots = torch.exp(2j * math.pi * angles).to(z.device)
-    half = torch.exp(z / 2)
-    sums = [torch.zeros_like(z) for _ in range(4)]
-    for root in roots:
-        r = z + root
-        e_half = half * torch.exp(root / 2)
-        e = e_half**2
-        # Cauchy's formula: each further factor 1/root gives the next derivative.
-        weight = root**-order
-        sums[0] = sums[0] + weight * (e_half - 1) / r
-        sums[1] = sums[1] + weight * (-4 - r + e * (4 - 3 * r + r**2)) / r**3
-        sums[2] = sums[2] + weight * (4 + 2 * r + e * (-4 + 2 * r)) / r**3
-        sums[3] = sums[3] + weight * (-4 - 3 * r - r**2 + e * (4 - r)) / r**3
-    return tuple(h * s / CONTOUR_POINTS for s in sums)
+    roots = torch.exp(2j * math.pi * angles).to(z.device)[:, None]
+    parts = [_contour_means(part, roots, order) for part in z.flatten().split(VALUES_AT_ONCE)]
+    return tuple(h * torch.cat(each).reshape(z.shape) for each in zip(*parts, strict=True))
+
+
+def _contour_means(z: Tensor, roots: Tensor, order: int) -> tuple[Tensor, ...]:
+    """Return the means over the contours around all z, ``(value,)``; roots are ``(root, 1)``."""
+    r = z + roots
+    e_half = torch.exp(z / 2) * torch.exp(roots / 2)
+    e, r_squared = e_half.square(), r.square()
+    # Cauchy's formula: each further factor 1/root gives the next derivative.
+    weight = roots**-order / r
+    cubic = weight / r_squared
+    return (
+        (weight * (e_half - 1)).mean(dim=0),
+        (cubic * (-4 - r + e * (4 - 3 * r + r_squared))).mean(dim=0),
+        (cubic * (4 + 2 * r + e * (-4 + 2 * r))).mean(dim=0),
+        (cubic * (-4 - 3 * r - r_squared + e * (4 - r))).mean(dim=0),
+    )
