@@ -30,6 +30,8 @@ REFINE_STEPS, REFINE_TOLERANCE, MIN_GAIN = 20, 1e-5, 1.0
 # Further starting points of `refine`: fits to these first shares of the record, and fits under this
 # many times the noise.
 HORIZON_SHARES, NOISE_FACTORS = (0.17, 0.25, 0.5), (2.0, 4.0)
+# Points at which F is compared along the line from a starting point to a minimum.
+PATH_POINTS = 9
 # A fit with a larger χ²/n has lost the recording: no minimum nearby is right.
 LOST_CHI2 = 30.0
 # A fit that still has a larger χ²/n after the first round is not refined further.
@@ -99,10 +101,10 @@ def refine(fit: HypothesisFit) -> HypothesisFit:
 
     In chaos the lowest minimum over a long record has many others around it. Some of them vanish
     under larger noise, others over a shorter record. One round of steps is run from each starting
-    point, and only the lowest fit is continued. A hypothesis that has lost the recording is
-    returned unchanged. One that is still far from it after the first round is not continued: with
-    too few sensors such fits would take most of the time of a run. After the deadline of F a
-    hypothesis is returned unchanged, too.
+    point that does not lead to the lowest minimum so far, and only the lowest fit is continued. A
+    hypothesis that has lost the recording is returned unchanged. One that is still far from it
+    after the first round is not continued: with too few sensors such fits would take most of the
+    time of a run. After the deadline of F a hypothesis is returned unchanged, too.
     """
     if fit.law.chi2 > LOST_CHI2:
         return fit
@@ -125,12 +127,24 @@ def _refine(fit: HypothesisFit) -> HypothesisFit:
         minimise(noisier, fit.phi, REFINE_STEPS, REFINE_TOLERANCE).phi
         for noisier in noisier_problems
     ]
-    starts = (fit.phi, *from_growing_horizons, *from_larger_noise)
-    fits = [minimise(objective, phi, REFINE_STEPS, REFINE_TOLERANCE) for phi in starts]
-    lowest = min(fits, key=lambda fitted: fitted.cost)
+    lowest = minimise(objective, fit.phi, REFINE_STEPS, REFINE_TOLERANCE)
+    for phi in (*from_growing_horizons, *from_larger_noise):
+        if not _leads_to(objective, phi, lowest):
+            fitted = minimise(objective, phi, REFINE_STEPS, REFINE_TOLERANCE)
+            lowest = min(lowest, fitted, key=lambda each: each.cost)
     if not lowest.converged and lowest.chi2 < POOR_CHI2 * objective.noise.count:
         lowest = minimise_in_rounds(objective, lowest.phi, REFINE_STEPS, REFINE_TOLERANCE, MIN_GAIN)
     return replace_minimum(fit, objective, lowest)
+
+
+def _leads_to(objective: LeastSquaresProblem, phi: Tensor, lowest: FitResult) -> bool:
+    """Return whether F falls along the straight line from some unknowns to a minimum.
+
+    If there is no barrier in between, a fit from there would end in the same minimum.
+    """
+    share = torch.linspace(0, 1, PATH_POINTS, dtype=torch.float64)[:, None]
+    costs, _ = objective.values(phi + share * (lowest.phi - phi))
+    return bool((costs.diff() < REFINE_TOLERANCE * lowest.cost).all())
 
 
 def replace_minimum(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 import torch
@@ -86,3 +86,33 @@ def test_a_poor_fit_is_not_continued_after_the_first_round(
     found = refine(wrong)
     assert not beginnings
     assert POOR_CHI2 < found.law.chi2 <= wrong.law.chi2
+
+
+@pytest.mark.parametrize(("begin", "leads"), [(0.8, True), (1.9, True), (-0.8, False)])
+def test_a_start_leads_to_a_minimum_if_there_is_no_barrier(begin: float, leads: bool) -> None:
+    """F = (φ² - 1)² + 1 has minima at -1 and 1, and a barrier at 0."""
+
+    class DoubleWell:
+        def values(self, phi: Tensor) -> tuple[Tensor, None]:
+            return (phi[:, 0] ** 2 - 1).square() + 1, None
+
+    readings = torch.zeros(0)
+    lowest = FitResult(torch.ones(1, dtype=torch.float64), 1.0, 0.0, readings, True, 1)
+    start = torch.tensor([begin], dtype=torch.float64)
+    assert hypothesis_fit._leads_to(cast(Any, DoubleWell()), start, lowest) is leads
+
+
+def test_starts_that_lead_to_the_same_minimum_are_not_fitted(
+    waves: Waves, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fits: list[int] = []
+
+    def counted(*given: Any) -> FitResult:
+        fits.append(given[2])
+        return minimise(*given)
+
+    right = fit_term(waves)
+    monkeypatch.setattr(hypothesis_fit, "minimise", counted)
+    refine(right)
+    # The fit itself, and one under each of the larger noises.
+    assert len(fits) == 1 + len(hypothesis_fit.NOISE_FACTORS)
