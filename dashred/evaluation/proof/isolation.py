@@ -69,9 +69,12 @@ def isolated_python(copy: Path) -> tuple[list[str], dict[str, str]]:
 
 
 def isolated_copy(to: Path) -> Path:
-    """Copy the package without ``evaluation``, and the systems without their twins."""
+    """Copy the package without ``evaluation``, and the systems without their twins.
+
+    The kernels that Numba has compiled are copied, too. It would compile them again for a minute.
+    """
     for name in PACKAGES:
-        ignored = shutil.ignore_patterns("evaluation", "__pycache__")
+        ignored = shutil.ignore_patterns("evaluation", "*.pyc")
         shutil.copytree(CHECKOUT / name, to / name, ignore=ignored)
     (to / "conf").mkdir()
     for path in (CHECKOUT / "conf").glob("*.yaml"):
