@@ -7,7 +7,12 @@ from dashred.core.formatting import number
 from dashred.core.units import NO_UNITS
 from dashred.reporting.text.causes import cause_text, fault_causes
 from dashred.reporting.text.fitted_parameters import values_in_a_row
-from dashred.reporting.text.improvement import OTHER_CAUSES, has_only_parameters, is_lost, reference
+from dashred.reporting.text.improvement import (
+    OTHER_CAUSES,
+    error_before,
+    has_only_parameters,
+    is_lost,
+)
 from dashred.reporting.text.parameters import short_parameter_text
 from dashred.reporting.text.sources import short_source_text
 from dashred.reporting.text.verdict import FEW, located_source, sentence
@@ -44,8 +49,8 @@ def gain(findings: Mapping[str, Any]) -> tuple[str, float] | None:
     """Return the first held-out data there are, and the factor by which the error decreases.
 
     For an unconfirmed law they are the first data that contradict it. For a faulty sensor they are
-    not the test sensors, which have no fault. A law is compared with the simulation from its own
-    best start, over the times at which they can be predicted.
+    not the test sensors, which have no fault. In a chaotic system a law is compared with the
+    simulation over the times that can be predicted.
     """
     verdict, fit = findings["verdict"], findings["fit"]
     compared = {each["data"]: each for each in fit.get("comparisons", ())}
@@ -55,9 +60,12 @@ def gain(findings: Mapping[str, Any]) -> tuple[str, float] | None:
         if findings["terms"] and is_lost(fit, key):
             continue
         errors = fit.get(key) or {}
-        before, after = errors.get(reference(findings)), errors.get("corrected")
+        before, after = error_before(findings, key), errors.get("corrected")
         if findings["terms"] and key in compared:
-            before, after = compared[key]["before"], compared[key]["after"]
+            law = compared[key]
+            # The table has no error over the times that can be predicted.
+            if law["horizon"] is not None or verdict == "unconfirmed":
+                before, after = law["before"], law["after"]
         if verdict == "unconfirmed" and not compared.get(key, {}).get("worse"):
             continue
         if before is not None and after is not None and before > 0 and after > 0:

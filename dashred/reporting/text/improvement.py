@@ -21,15 +21,26 @@ HELD_OUT = {
 }
 
 
-def reference(findings: Mapping[str, Any]) -> str:
-    """Return the method that the corrected simulation is compared with.
+def error_before(findings: Mapping[str, Any], key: str) -> float | None:
+    """Return the error that the corrected simulation is compared with on some held-out data.
 
-    It is the simulation from its own best start, with fitted parameters if there are any. If the
-    start or the parameters themselves are the correction, it is the simulation as it is stated.
+    It is the smaller error of the simulation from the start of the correction and from its own best
+    start, with fitted parameters if there are any. If the start or the parameters themselves are
+    the correction, it is that of the simulation as it is stated. It is None if the run diverges.
     """
-    is_start = findings["verdict"] == "initial-condition"
-    is_stated = is_start or has_only_parameters(findings)
-    return "simulation_same_start" if is_stated else "simulation_refit"
+    errors = findings["fit"].get(key) or {}
+    if key == "heldout_restarted":
+        # After a restart, the start of the recording has no effect.
+        return _known(errors, "simulation_refit")
+    if findings["verdict"] == "initial-condition" or has_only_parameters(findings):
+        return _known(errors, "simulation_same_start")
+    both = [_known(errors, name) for name in ("simulation_same_start", "simulation_refit")]
+    return min((error for error in both if error is not None), default=None)
+
+
+def _known(errors: Mapping[str, Any], name: str) -> float | None:
+    error = errors.get(name)
+    return None if error is None else float(error)
 
 
 def has_only_parameters(findings: Mapping[str, Any]) -> bool:
@@ -60,9 +71,7 @@ def improvements(findings: Mapping[str, Any]) -> list[str]:
             parts.insert(0, f"{_size(refit)} for the simulation from {best}")
         if same_start is not None:
             parts.insert(0, f"{_size(same_start)} for the simulation from {start}")
-        # After a restart, the start of the recording has no effect.
-        before = refit if key == "heldout_restarted" else errors.get(reference(findings))
-        change = _factor(before, corrected)
+        change = _factor(error_before(findings, key), corrected)
         if findings["terms"] and is_lost(fit, key):
             change = "both runs of this chaotic system are lost before then"
         lines.append(

@@ -162,6 +162,19 @@ def test_where_the_start_is_the_correction_it_is_compared_with_the_nominal_start
     )
 
 
+def test_a_factor_is_against_the_better_of_both_starts() -> None:
+    law = found(verdict="missing-term")
+    law["fit"]["test_sensors"] = errors_by_method(
+        simulation_same_start=0.42, simulation_refit=5.54, corrected=0.21
+    )
+    [test, *_] = improvements(law)
+    assert test == (
+        "At the test sensors the error is 0.42 for the simulation from the same start, 5.54 for "
+        "the simulation from its best start, 0.21 for the corrected simulation: 2 times smaller."
+    )
+    assert headline(law).endswith("at sensors not used in any fit is 2 times smaller.")
+
+
 def test_where_a_sensor_is_the_correction_the_headline_tells_the_gain() -> None:
     fault: Any = {
         "kind": "sensor-fault",
