@@ -7,6 +7,7 @@ of the time of a run, because many wrong terms together follow a recording that 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from torch import Tensor
@@ -44,10 +45,12 @@ class FirstPart:
         return len(self.null.recorded)
 
 
-def find_first_part(
+def first_parts(
     null: LeastSquaresProblem, phi: Tensor, samples: int, size: Tensor
-) -> FirstPart | None:
-    """Return the first part; None if the start alone explains the record, or no forcing does.
+) -> Iterator[FirstPart]:
+    """Yield longer and longer parts; none if the start alone explains the record.
+
+    They end when no forcing follows the recording any longer.
 
     Args:
         null: F of the start alone over the whole record.
@@ -65,8 +68,9 @@ def find_first_part(
         is_noise = fitted.chi2 < part.noise.count + MIN_EXCESS
         if horizon >= SHARE * len(null.recorded) and not is_noise:
             forcing = fit_forcing_nearby(part, fitted.phi, size)
-            return None if forcing is None else FirstPart(part, fitted.phi, forcing)
-    return None
+            if forcing is None:
+                return
+            yield FirstPart(part, fitted.phi, forcing)
 
 
 def follows(problem: LeastSquaresProblem, chi2: float) -> bool:

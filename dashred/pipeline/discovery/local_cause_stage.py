@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import islice
 
 from torch import Tensor
 
@@ -20,7 +21,7 @@ from dashred.inference.hypotheses.comparison.noise_reestimation import (
     noise_left_by,
     refit_under_noise,
 )
-from dashred.inference.hypotheses.first_part import find_first_part
+from dashred.inference.hypotheses.first_part import first_parts
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, replace_minimum
 from dashred.inference.hypotheses.result import MIN_FORCING_GAIN, BestOfSize, Discovery
 from dashred.inference.hypotheses.sources.early_source import find_early_source
@@ -39,6 +40,8 @@ from dashred.pipeline.discovery.prior_start import MAX_LAW_RATIO, fit_near_prior
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
 
+# Parts of the record that are searched, each longer than the one before.
+MAX_PARTS = 3
 # The fit without the cause needs little accuracy, because its misfit is large.
 STEPS, TOLERANCE = 10, 0.005
 
@@ -102,18 +105,18 @@ def _find_local_cause(
     objective = replace(objective, deadline=problem.deadline("look for a local cause"))
     exact = objective.subset(())
     null = replace(exact, forward_model=replace(exact.forward_model, simulator=simulator))
-    part = find_first_part(null, guess.z, first_samples(null), size)
-    if part is None:
-        return None
-    count, everywhere = len(objective.prior_std), best_terms_everywhere(objective, part)
-    source = find_early_source(null, part, size, everywhere, count, report)
-    if source is not None:
-        return _source_with_own_noise(replace(exact, deadline=NEVER), nominal, source, size)
-    # Windows take seconds to compile.
-    if everywhere.explain:
-        return None
-    found = find_early_window(with_windows(problem, nominal, objective), part, count, report)
-    return None if found is None else _with_own_noise(found, nominal)
+    count = len(objective.prior_std)
+    for part in islice(first_parts(null, guess.z, first_samples(null), size), MAX_PARTS):
+        everywhere = best_terms_everywhere(objective, part)
+        source = find_early_source(null, part, size, everywhere, count, report)
+        if source is not None:
+            return _source_with_own_noise(replace(exact, deadline=NEVER), nominal, source, size)
+        # Windows take seconds to compile. A longer part may tell them from terms everywhere.
+        if not everywhere.explain:
+            local = with_windows(problem, nominal, objective)
+            found = find_early_window(local, part, count, report)
+            return None if found is None else _with_own_noise(found, nominal)
+    return None
 
 
 def _compare_with_others(

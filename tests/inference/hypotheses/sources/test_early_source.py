@@ -10,7 +10,7 @@ import torch
 
 from dashred.core.budget import Deadline, OutOfTimeError
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.hypotheses.first_part import FirstPart, find_first_part
+from dashred.inference.hypotheses.first_part import FirstPart, first_parts
 from dashred.inference.hypotheses.sources.bump import Bump
 from dashred.inference.hypotheses.sources.early_source import find_early_source
 from dashred.inference.hypotheses.sources.find_source import FoundSource
@@ -24,7 +24,7 @@ FIRST = 6
 def first_part(channel: Channel, null: LeastSquaresProblem) -> FirstPart | None:
     """Return the first part in which something is missing."""
     phi = torch.zeros(null.modes, dtype=torch.float64)
-    return find_first_part(null, phi, FIRST, channel.size)
+    return next(first_parts(null, phi, FIRST, channel.size), None)
 
 
 def search(channel: Channel, hidden: list[tuple[str, float]], seed: int = 0) -> FoundSource | None:

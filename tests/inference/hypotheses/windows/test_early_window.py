@@ -9,7 +9,7 @@ import torch
 
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.law_block import restrict_to_window
-from dashred.inference.hypotheses.first_part import find_first_part
+from dashred.inference.hypotheses.first_part import first_parts
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.windows.early_window import find_early_window
 from dashred.physics.window import box
@@ -24,7 +24,7 @@ def search(waves: Waves, hidden: list[tuple[Candidate, float]]) -> HypothesisFit
     recorded = waves.recorded(SIGMA, 1, hidden)
     null = waves.objective(recorded, SIGMA)
     phi = torch.zeros(null.modes, dtype=torch.float64)
-    part = find_first_part(null, phi, FIRST, waves.size)
+    part = next(first_parts(null, phi, FIRST, waves.size), None)
     if part is None:
         return None
     everything = waves.objective(recorded, SIGMA, list(waves.everything))
