@@ -101,9 +101,9 @@ def _nudged(problem: Problem, prior: StartPrior, start: Tensor, factors: Tensor)
     for k, own in enumerate(readings):
         if k:
             ahead = simulate(problem.system, states, times[k - 1 : k + 1])[:, -1]
-            # A finite forecast may be too large for any correction. NaN is not below the limit.
+            # A finite forecast may be too large for any correction.
             away = (operator(ahead, float(times[k])) - mean).abs()
-            bounded = torch.isfinite(ahead).flatten(1).all(dim=1) & (away < farthest).all(dim=1)
+            bounded = torch.isfinite(ahead).flatten(1).all(dim=1) & ~(away > farthest).any(dim=1)
             shape = (-1,) + (1,) * (states.dim() - 1)
             states = torch.where(bounded.reshape(shape), ahead, states)
         known = ~own.isnan()
