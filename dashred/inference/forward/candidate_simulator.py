@@ -76,6 +76,18 @@ class CandidateSimulator:
         compiled = vars(self).get("_run")
         return compiled if isinstance(compiled, CompiledETDRK4) else None
 
+    def has_compiled(self, candidates: Sequence[Candidate]) -> bool:
+        """Return whether compiled code integrates trajectories with these candidates.
+
+        A simulator that is only linearised is not compiled for that. A candidate within a window
+        has the same key as the candidate everywhere, but other terms.
+        """
+        return self.compiled is not None and all(
+            [self.terms[place] for place in self._columns.get(candidate.key, ())]
+            == list(candidate.terms)
+            for candidate in candidates
+        )
+
     def coarse(self) -> CandidateSimulator:
         """Return the simulator with the time step of the derivative for its trajectories, too."""
         other = copy.copy(self)

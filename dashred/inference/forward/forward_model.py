@@ -202,8 +202,6 @@ class ForwardModel:
         directions = (self.start.start(z[:size] + DIFFERENCE * eye) - base) / DIFFERENCE
         tendency, unknowns = self._tendency, self._tendency_unknowns(z, xi)
         forcing, simulator = self.forcing, self.simulator
-        # A simulator that is only linearised is not compiled for that.
-        compiled = simulator.is_compiled
         blocks = simulator.tangents(
             base,
             directions,
@@ -212,7 +210,7 @@ class ForwardModel:
             tendency.sources(unknowns),
             forcing.sampled(xi[None, self.slices.forcing]) if forcing else None,
             forcing.basis if forcing else None,
-            tendency.weights(simulator, unknowns[None]) if compiled else None,
+            tendency.compiled_weights(simulator, unknowns),
         )
         found = []
         for block in blocks:

@@ -89,6 +89,20 @@ class LawBlock:
         windows = [self.windowed.window(row[split:]) for row in unknowns]
         return simulator.weights(both, coefficients * ~inside, coefficients * inside, windows)
 
+    def compiled_weights(self, simulator: Simulator, unknowns: Tensor) -> Tensor | None:
+        """Return the weights of one vector of unknowns, ``(1, weight)``.
+
+        They are None if the simulator has not compiled a candidate with a coefficient: one that is
+        not its own, or one whose terms already contain a window.
+        """
+        count = len(self.candidates)
+        kept = torch.nonzero(unknowns[:count]).flatten().tolist()
+        active = replace(self, candidates=[self.candidates[j] for j in kept])
+        local = self.windowed.candidates if self.windowed else ()
+        if not simulator.has_compiled([*active.candidates, *local]):
+            return None
+        return active.weights(simulator, torch.cat([unknowns[kept], unknowns[count:]])[None])
+
     def forcing(self, unknowns: Tensor) -> Forcing:
         """Return the law for one vector of unknowns, without terms whose coefficient is 0."""
         terms = self.terms(unknowns)

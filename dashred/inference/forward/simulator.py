@@ -52,10 +52,9 @@ class Simulator:
         self.system, self.tangent, self.shapes = first.system, first.tangent, first.shapes
         self.has_tangents = all(part.has_tangents for part in parts)
 
-    @property
-    def is_compiled(self) -> bool:
-        """Whether the trajectories about which it is linearised are integrated by compiled code."""
-        return all(part.compiled is not None for part in self.parts)
+    def has_compiled(self, candidates: Sequence[Candidate]) -> bool:
+        """Return whether compiled code integrates trajectories with these candidates."""
+        return all(part.has_compiled(candidates) for part in self.parts)
 
     def coarse(self) -> Simulator:
         """Return the simulators with the time step of the derivative for trajectories, too."""
