@@ -91,7 +91,7 @@ def _forecast_errors(findings: Mapping[str, Any]) -> list[str]:
     """Return the errors in the held-out time with the correction and without it; or nothing."""
     errors = findings["fit"]["heldout_time"] or {}
     known = [errors.get("corrected"), error_before(findings, "heldout_time")]
-    return [f"{error:.3g}" for error in known if error is not None] if None not in known else []
+    return [] if None in known else [f"{error:.3g}" for error in known]
 
 
 def notebook_html(findings: Mapping[str, Any], main_effects: Sequence[str] = ()) -> str:

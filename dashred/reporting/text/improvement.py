@@ -28,19 +28,14 @@ def error_before(findings: Mapping[str, Any], key: str) -> float | None:
     start, with fitted parameters if there are any. If the start or the parameters themselves are
     the correction, it is that of the simulation as it is stated. It is None if the run diverges.
     """
-    errors = findings["fit"].get(key) or {}
+    errors: Mapping[str, float | None] = findings["fit"].get(key) or {}
+    same_start, refit = (errors.get(f"simulation_{name}") for name in ("same_start", "refit"))
     if key == "heldout_restarted":
         # After a restart, the start of the recording has no effect.
-        return _known(errors, "simulation_refit")
+        return refit
     if findings["verdict"] == "initial-condition" or has_only_parameters(findings):
-        return _known(errors, "simulation_same_start")
-    both = [_known(errors, name) for name in ("simulation_same_start", "simulation_refit")]
-    return min((error for error in both if error is not None), default=None)
-
-
-def _known(errors: Mapping[str, Any], name: str) -> float | None:
-    error = errors.get(name)
-    return None if error is None else float(error)
+        return same_start
+    return min((error for error in (same_start, refit) if error is not None), default=None)
 
 
 def has_only_parameters(findings: Mapping[str, Any]) -> bool:
