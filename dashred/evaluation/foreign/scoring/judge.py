@@ -95,7 +95,7 @@ def _read_region(findings: Mapping[str, Any], truth: Truth, system: System) -> R
 
 
 def _read_source(findings: Mapping[str, Any], truth: Truth, system: System) -> Reading:
-    """A source is right if it is located, by the map of a forcing or by a term in a region."""
+    """A source is right if it is located: as a source, as a term in a region or by the map."""
     located = _is_located(findings, truth, system)
     named = findings["verdict"] in ("outside-library", "missing-term")
     return Reading(located and named, located, located, located)
@@ -138,7 +138,10 @@ def _in_equation(findings: Mapping[str, Any], truth: Truth, system: System) -> b
 
 
 def _is_located(findings: Mapping[str, Any], truth: Truth, system: System) -> bool:
-    """Return whether the peak of the forcing, or the centre of a told region, is inside."""
+    """Return whether the told place is inside: of a region, of a source, or of the forcing's peak.
+
+    The map of a forcing is coarser than a region or a source, and counts only without them.
+    """
     assert truth.region is not None
     axis = system.axes[0]
     places = []
@@ -147,8 +150,11 @@ def _is_located(findings: Mapping[str, Any], truth: Truth, system: System) -> bo
             if region.get("axis") == axis.name and region.get("to") is not None:
                 width = (region["to"] - region["from"]) % axis.length
                 places.append(region["from"] + width / 2)
-    forcing = (findings["where"] or {}).get("forcing")
-    if not places and forcing:
+    where = findings["where"] or {}
+    source, forcing = where.get("source"), where.get("forcing")
+    if not places and source:
+        places = [source["place"][0]]
+    elif not places and forcing:
         places = [forcing["peak"][0]]
     width = (truth.region[1] - truth.region[0]) % axis.length
     return bool(places) and all((x - truth.region[0]) % axis.length <= width for x in places)

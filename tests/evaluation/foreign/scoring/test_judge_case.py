@@ -82,12 +82,13 @@ def test_where_nothing_is_hidden_everything_else_is_a_false_alarm() -> None:
     assert outcome(nothing, "ambiguous", WRONG) == "flagged"
 
 
-def source_outcome(verdict: str, peak: float | None = None, region=None):
+def source_outcome(verdict: str, peak: float | None = None, region=None, place=None):
     states = np.ones((5, 1, 40))
     truth = Truth("source", "", np.arange(5.0), states, 0.1 * states, region=(9.0, 1.0))
     forcing = None if peak is None else {"peak": [peak, 2.0]}
     terms = [term("u", "1", 0.3, region=[region])] if region else []
-    where = {"equation": {"u": 1.0}, "forcing": forcing}
+    source = None if place is None else {"place": [place]}
+    where = {"equation": {"u": 1.0}, "forcing": forcing, "source": source}
     found = findings_of(RING, verdict, terms, where=where)
     return judge(found, truth, system_of(RING))
 
@@ -108,6 +109,12 @@ def test_a_source_may_be_told_as_a_term_in_a_region() -> None:
     assert source_outcome("missing-term", region=inside).outcome == "right"
     assert source_outcome("missing-term", region=outside).outcome == "silent-wrong"
     assert source_outcome("missing-term", peak=0.5, region=outside).located is False
+
+
+def test_a_told_source_counts_before_the_coarser_map() -> None:
+    assert source_outcome("outside-library", place=0.5).outcome == "right"
+    assert source_outcome("outside-library", place=0.5, peak=2.0).located is True
+    assert source_outcome("outside-library", place=2.0, peak=0.5).located is False
 
 
 def test_the_leading_cause_counts_although_the_verdict_is_uncertain() -> None:
