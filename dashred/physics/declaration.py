@@ -107,10 +107,11 @@ class Declaration:
         vocabulary = Vocabulary(self.names | extra, axes, equation, self._tables)
         return parse(str(text), vocabulary, where=self.where(key))
 
-    def without_lets(self, expr: Expr) -> Expr:
-        """Substitute lets in an expression, but no parameters."""
-        while algebra.names(expr) & self.lets.keys():
-            expr = algebra.substitute(expr, self.lets)
+    def without_lets(self, expr: Expr, kept: str = "") -> Expr:
+        """Substitute lets in an expression, but no parameters and not the let ``kept``."""
+        lets = {name: value for name, value in self.lets.items() if name != kept}
+        while algebra.names(expr) & lets.keys():
+            expr = algebra.substitute(expr, lets)
         return expr
 
     def resolve(self, expr: Expr, key: str) -> Expr:

@@ -24,12 +24,14 @@ def build_library(system: System, listed: Mapping[str, Sequence[str]] | None) ->
 
     Args:
         system: with the names that terms may contain.
-        listed: expressions by equation (configuration key ``library``); None for the default.
+        listed: expressions by equation (configuration key ``library``); None, or those of lets
+            alone (:func:`dashred.physics.let_terms.build_let_terms`), for the default.
 
     Raises:
         InputError: a term is invalid, or two terms of one equation are proportional.
     """
-    chosen = listed or {field: default_terms(system) for field in equations_with_candidates(system)}
+    named = {name: texts for name, texts in (listed or {}).items() if name in system.fields}
+    chosen = named or {field: default_terms(system) for field in equations_with_candidates(system)}
     library: list[Term] = []
     for equation, texts in chosen.items():
         seen: dict[algebra.Expr, str] = {}

@@ -86,12 +86,19 @@ class System(Declaration):
         return self.with_config(dataclasses.replace(self.config, integrator=integrator))
 
     def with_terms(self, terms: Sequence[tuple[Term, float]]) -> System:
-        """Return the system with terms added to its equations, as text."""
-        equations = dict(self.config.equations)
+        """Return the system with terms added to its equations or lets, as text.
+
+        A term of a let may read the let itself, with its value before the change.
+        """
+        equations, lets = dict(self.config.equations), dict(self.config.let)
         for term, coefficient in terms:
-            added = algebra.to_text(algebra.scale(coefficient, term.expression))
-            equations[term.equation] = f"{equations[term.equation]} + ({added})"
-        return self.with_config(dataclasses.replace(self.config, equations=equations))
+            name, expression = term.equation, term.expression
+            if name in lets:
+                expression = algebra.substitute(expression, {name: self.lets[name]})
+            added = algebra.to_text(algebra.scale(coefficient, expression))
+            changed = lets if name in lets else equations
+            changed[name] = f"{changed[name]} + ({added})"
+        return self.with_config(dataclasses.replace(self.config, equations=equations, let=lets))
 
     def with_config(self, config: schema.System) -> System:
         """Return a system with another declaration and the same input signals."""

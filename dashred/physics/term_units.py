@@ -27,19 +27,23 @@ UNKNOWN = "\0"
 def coefficient_unit(system: System, equation: str, term: Expr) -> str | None:
     """Return the unit of ξ in ``df/dt = … + ξ·term``: ``[ξ] = [f]/([t][term])``.
 
+    In a let m the unit is ``[m]/[term]``.
+
     Unknown units may cancel: for a linear damping only the unit of time is needed. The result is
     None if an unknown unit remains, if different units are added, or if the system states no
     units.
 
     Args:
         system: with units by name.
-        equation: f.
+        equation: f, or the let m.
         term: the term, without its coefficient.
     """
     whole = unit_of(system, term)
     if not system.units or whole is None:
         return None
-    found = _of_name(system, equation) / _of_name(system, TIME) / whole
+    found = _of_name(system, equation) / whole
+    if equation not in system.lets:
+        found = found / _of_name(system, TIME)
     return str(found) if _stated(found) else None
 
 

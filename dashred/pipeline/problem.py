@@ -32,6 +32,7 @@ from dashred.inference.results.corrected_system import with_parameters
 from dashred.inference.results.verdict import describe_fault
 from dashred.physics.external.snapshot_file import open_snapshots
 from dashred.physics.external.snapshots import Snapshots
+from dashred.physics.let_terms import build_let_terms
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
 from dashred.pipeline.time_shares import ENDS, begin_budget
@@ -130,6 +131,11 @@ class Problem:
             return replace(episode, system=episode.system.with_step(dt), clock=clock)
 
         return self._in_every_episode(changed)
+
+    @property
+    def let_terms(self) -> list[Term]:
+        """Candidate terms of lets; their ``equation`` is the let."""
+        return build_let_terms(self.system, self.config.library)
 
     @property
     def parameter_priors(self) -> dict[str, ChangePrior]:

@@ -230,7 +230,7 @@ UNKNOWN = [
     ("system.equations.w=u", "system.equations has no w", "one of: u, v"),
     ("system.spread.w=0.1", "system.spread has no w", "one of: u, v"),
     ("seed.deep=1", "unknown key seed.deep: seed is a whole number", None),
-    ("library.w=[u]", "equation w", "one of: u, v"),
+    ("library.w=[u]", "names w, which is neither", "one of: u, v"),
     ("recording.reads=[w, u]", "recording.reads names w", "one of: u, v, drag"),
     ("=3", "expected key=value, got '=3'", "see --help"),
     ("seed", "expected key=value, got 'seed'", "see --help"),

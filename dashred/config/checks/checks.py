@@ -104,12 +104,12 @@ def _check_size(settings: Settings, where: Where) -> None:
 
 
 def _check_library(settings: Settings, where: Where) -> None:
-    equations = settings.system.fields
+    equations = [*settings.system.fields, *settings.system.let]
     for name, terms in (settings.library or {}).items():
         key = f"library.{name}"
         if name not in equations:
             raise InputError(
-                f"library names the equation {name}, which the system does not have",
+                f"library names {name}, which is neither a field nor a let of the system",
                 where=where(key),
                 hint=nearest(name, equations),
             )

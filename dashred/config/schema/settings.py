@@ -180,7 +180,7 @@ class Settings:
 
     system: System
     library: dict[str, list[str]] | None
-    """Candidate terms of each equation; an equation that is not listed has none. Null builds them
+    """Candidate terms of each equation or let; one that is not listed has none. Null builds them
     from the fields and inputs, except for equations that only define another field
     (``theta: omega``)."""
 

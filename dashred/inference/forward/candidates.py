@@ -14,6 +14,7 @@ from dashred.physics.expressions.linear import split_linear
 from dashred.physics.expressions.reflection import without_sides
 from dashred.physics.grids.fourier_symbols import symbols
 from dashred.physics.grids.spectral import Spectral
+from dashred.physics.let_terms import resolved_let_term
 from dashred.physics.library import COLLINEARITY_TOLERANCE, evaluate_terms, resolve
 from dashred.physics.parameter_sensitivity import parameter_tendency
 from dashred.physics.solvers.forcing import Forcing
@@ -40,8 +41,9 @@ class Candidate:
     Attributes:
         name: the term that ξ multiplies, as the user writes it, ``u**3``; or the parameter to which
             ξ is added.
-        equation: equation of the term; None for a parameter, which may occur in several.
-        terms: tendency per unit of ξ: the term, or ``∂N/∂p`` of each equation; resolved.
+        equation: equation of the term, or the let to which ``ξ θ`` is added; None for a parameter.
+        terms: tendency per unit of ξ, resolved: the term, ``∂N/∂p`` of each equation for a
+            parameter p, or ``∂N/∂m θ`` for a let m.
         scale: ξ at which its tendency has the same rms as the tendency of the equation.
         limit: largest |ξ| for which the time step is stable; inf for most candidates.
         aliases: parameters whose change has the same effect to first order.
@@ -79,8 +81,9 @@ def build_candidates(
     t: float | Tensor,
     extensions: Sequence[Term] = (),
     priors: Mapping[str, ChangePrior] | None = None,
+    let_terms: Sequence[Term] = (),
 ) -> list[Candidate]:
-    """Return the parameters and the library terms as candidates, without collinear ones.
+    """Return parameters, library terms and terms of lets as candidates, without collinear ones.
 
     Two candidates are collinear if their tendencies are proportional over the nominal simulation.
     Of collinear parameters the first remains, with the others as aliases. A parameter replaces a
@@ -93,6 +96,7 @@ def build_candidates(
         t: time of all states, or of each, ``(time,)``.
         extensions: terms of ``library`` that were added to it.
         priors: of the uncertain parameters, by name.
+        let_terms: candidate terms of lets.
     """
     known = priors or {}
     ordered = sorted(system.config.parameters, key=lambda name: name not in known)
@@ -102,7 +106,11 @@ def build_candidates(
         Candidate(str(term), term.equation, (ready,), 1.0, is_extended=term in extensions)
         for term, ready in zip(library, resolved, strict=True)
     ]
-    found = [c for c in parameters if c.terms] + terms
+    shared = [
+        Candidate(str(term), term.equation, resolved_let_term(system, term), 1.0)
+        for term in let_terms
+    ]
+    found = [c for c in parameters if c.terms] + terms + shared
     columns = torch.stack([_column(system, c, nominal, t) for c in found])
     sizes = columns.norm(dim=1)
     independent: list[int] = []

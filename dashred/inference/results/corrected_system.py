@@ -8,6 +8,7 @@ from dataclasses import replace
 from dashred.inference.fit.law import Law
 from dashred.inference.results.fitted_parameters import exact_changes
 from dashred.physics.expressions.algebra import ZERO, multiply, names
+from dashred.physics.let_terms import is_affine_in, let_slopes, let_tangents
 from dashred.physics.parameter_sensitivity import parameter_slopes
 from dashred.physics.system import System, Term
 
@@ -17,7 +18,8 @@ def build_corrected_system(system: System, law: Law) -> System:
 
     Parameters get the values with the same effect as their tangents, if there are such values
     (:func:`dashred.inference.results.fitted_parameters.exact_changes`). For other parameters, such
-    as ``alpha`` in ``exp(u/alpha)``, the tangent is added as a term.
+    as ``alpha`` in ``exp(u/alpha)``, the tangent is added as a term. In the same way a let is
+    changed if the equations are affine in it.
     """
     changes = exact_changes(system, law)
     known = system.config.parameters
@@ -31,12 +33,13 @@ def build_corrected_system(system: System, law: Law) -> System:
         else:
             key = f"library.{candidate.equation}"
             expression = system.parse(candidate.name, key, equation=candidate.equation)
-            if names(system.without_lets(expression)) & changes.keys():
-                # It was fitted with the values before the change.
-                expression = system.resolve(expression, key)
             if candidate.window is not None:
                 expression = multiply((candidate.window.expression, expression))
-            terms.append((Term(candidate.equation, expression), value))
+            for added in _in_equations(system, Term(candidate.equation, expression), changes):
+                if names(system.without_lets(added.expression)) & changes.keys():
+                    # It was fitted with the values before the change.
+                    added = Term(added.equation, system.resolve(added.expression, key))
+                terms.append((added, value))
     return with_parameters(system, changed).with_terms(terms)
 
 
@@ -50,6 +53,17 @@ def build_fitted_system(system: System, law: Law) -> System:
     return with_parameters(
         system, {name: known[name] + changes[name] for name in uncertain & changes.keys()}
     )
+
+
+def _in_equations(system: System, term: Term, changes: Mapping[str, float]) -> list[Term]:
+    """Return a term of a let as tangents of the equations, unless a change of the let is exact."""
+    if term.equation not in system.lets:
+        return [term]
+    slopes = let_slopes(system, term.equation).values()
+    read = set().union(*(names(system.without_lets(slope)) for slope in slopes))
+    if is_affine_in(system, term.equation) and not read & changes.keys():
+        return [term]
+    return [Term(equation, added) for equation, added in let_tangents(system, term).items()]
 
 
 def _tangents(system: System, parameter: str) -> Iterator[Term]:

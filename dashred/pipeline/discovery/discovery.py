@@ -93,6 +93,7 @@ def discover(
             samples.times,
             problem.extensions,
             problem.parameter_priors,
+            problem.let_terms,
         )
     )
     proposals = _proposals(problem, candidates, assimilated)

@@ -11,17 +11,21 @@ from dashred.reporting.text.regions import bounds
 
 
 def equations(findings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the equation of each field with its added terms, and the parameters with new values.
+    """Return the equations and lets with their added terms, and the parameters with new values.
 
     Parameters that the law changes are apart from those that were fitted within their spreads.
     """
     system = findings["input"]["config"].get("system", {})
     terms, units = findings["terms"] or [], findings.get("units", NO_UNITS)
+
+    def added(name: str) -> list[str]:
+        return [_term(term, units) for term in terms if term["equation"] == name]
+
     rates = [
         {
             "field": field,
             "known": _format_expression(text),
-            "added": [_term(term, units) for term in terms if term["equation"] == field],
+            "added": added(field),
         }
         for field, text in system.get("equations", {}).items()
     ]
@@ -30,7 +34,10 @@ def equations(findings: Mapping[str, Any]) -> dict[str, Any]:
         "rates": rates,
         "changed": [_parameter(term, units) for term in terms if term["equation"] is None],
         "fitted": [fitted_parameter_text(each) for each in findings.get("fitted_parameters", ())],
-        "let": {name: _format_expression(text) for name, text in system.get("let", {}).items()},
+        "let": [
+            {"name": name, "known": _format_expression(text), "added": added(name)}
+            for name, text in system.get("let", {}).items()
+        ],
     }
 
 

@@ -68,7 +68,7 @@ def page(
         untested=findings["verdict"] in UNTESTED,
         location=verdict.location(findings["where"], units) if terms else [],
         consequences=verdict.consequences(findings),
-        terms=sections.terms_table(terms),
+        terms=sections.terms_table(terms, system.get("let", {})),
         probabilities=sections.cause_probabilities(findings["causes"] or []),
         other_laws=verdict.other_laws(findings),
         alternatives=sections.alternatives_table(findings["alternatives"] or []),

@@ -1,7 +1,7 @@
 """The contents of the report's sections, from the findings."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from dashred.core.findings.methods import AT_SENSORS, method_label
@@ -33,13 +33,18 @@ MIN_CORRELATION = 0.1
 MIN_PROBABILITY = 0.005
 
 
-def terms_table(terms: Sequence[Mapping[str, Any]]) -> Table:
-    """Return the terms of the law with their coefficients, intervals and probabilities."""
+def terms_table(terms: Sequence[Mapping[str, Any]], lets: Collection[str] = ()) -> Table:
+    """Return the terms of the law with their coefficients, intervals and probabilities.
+
+    Args:
+        terms: ``findings["terms"]``.
+        lets: names of the lets of the system.
+    """
     rows, with_unit = [], any("unit" in term for term in terms)
     for term in terms:
         value, std = rounded(term["coefficient"], term["std"])
         low, high = (rounded(end, term["std"])[0] for end in term["ci95"])
-        where = "parameter" if term["equation"] is None else f"equation of {term['equation']}"
+        where = _place(term["equation"], lets)
         if term["equation"] is None:
             value = f"{number(term['from'])} → {rounded(term['to'], term['std'])[0]}"
         unit = [format_unit(term["unit"]) if "unit" in term else "–"] if with_unit else []
@@ -49,6 +54,12 @@ def terms_table(terms: Sequence[Mapping[str, Any]]) -> Table:
     heads = ["where", "term", "coefficient", "std", "95 % interval"]
     heads += [*(["unit"] if with_unit else []), "probability"]
     return Table(heads, rows, numbers={2, 3, 4, len(heads) - 1})
+
+
+def _place(equation: str | None, lets: Collection[str]) -> str:
+    if equation is None:
+        return "parameter"
+    return f"let {equation}" if equation in lets else f"equation of {equation}"
 
 
 def alternatives_table(others: Sequence[Mapping[str, Any]]) -> Table:

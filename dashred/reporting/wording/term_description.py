@@ -9,10 +9,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from dashred.core.formatting import with_error
 from dashred.core.units import TIME, with_unit
 from dashred.physics.expressions.algebra import ONE, Call, Expr, Name, split_coefficient
+from dashred.physics.let_terms import let_slopes
 from dashred.physics.system import System
-from dashred.reporting.wording.sized_term import Description, SizedTerm, meaning
+from dashred.physics.term_units import coefficient_unit
+from dashred.reporting.wording.sized_term import (
+    Description,
+    SizedTerm,
+    format_expression,
+    meaning,
+)
 from dashred.reporting.wording.spatial_wording import describe_spatial, describe_squared_gradient
 
 DEGREES = {1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
@@ -21,15 +29,17 @@ DEGREES = {1: "linear", 2: "quadratic", 3: "cubic", 4: "quartic", 5: "quintic"}
 def describe_term(
     system: System, equation: str, expr: Expr, value: float, std: float
 ) -> Description:
-    """Describe the effect of ``value·expr`` in the equation of a field.
+    """Describe the effect of ``value·expr`` in the equation of a field, or in a let.
 
     Args:
         system: defines the fields, their meanings and units.
-        equation: the field whose rate of change contains the term.
+        equation: the field whose rate of change contains the term, or the let.
         expr: the term without its coefficient.
         value: the coefficient.
         std: its standard deviation.
     """
+    if equation in system.lets:
+        return _describe_in_let(system, equation, expr, value, std)
     sized = SizedTerm(system, equation, expr, value, std)
     rules = (
         _constant,
@@ -44,6 +54,15 @@ def describe_term(
         if result := rule(sized):
             return result
     return Description(f"a further change of {sized.field_meaning}", sized.text, " by ")
+
+
+def _describe_in_let(system: System, let: str, expr: Expr, value: float, std: float) -> Description:
+    *most, last = let_slopes(system, let)
+    readers = f"{', '.join(most)} and {last}" if most else last
+    noun = "equations" if most else "equation"
+    size = with_unit(with_error(value, std), coefficient_unit(system, let, expr))
+    text = size if expr == ONE else f"({size})·{format_expression(expr)}"
+    return Description(f"a change of {let} in the {noun} of {readers}", text, " by ")
 
 
 def _constant(term: SizedTerm) -> Description | None:
