@@ -40,6 +40,11 @@ class Simulator:
         return dict(self.system.config.equations)
 
     @property
+    def lets(self) -> dict[str, str]:
+        """The quantities that the equations share, as text, by name."""
+        return dict(self.system.config.let)
+
+    @property
     def parameters(self) -> dict[str, float]:
         """The values of the parameters by name."""
         return dict(self.system.config.parameters)

@@ -39,14 +39,17 @@ def write_corrected(
 ) -> None:
     """Write the configuration of the corrected simulator atomically.
 
-    It contains the keys of the user's file and command line, with the equations and parameters of
-    :func:`dashred.inference.results.corrected_system.build_corrected_system`. Uncertain parameters
-    have their fitted values, without a spread. The defaults stay in ``conf/base.yaml``. It contains
-    no path, so it runs in any folder. The remark is part of its header.
+    It contains the keys of the user's file and command line, with the equations, lets and
+    parameters of :func:`dashred.inference.results.corrected_system.build_corrected_system`.
+    Uncertain parameters have their fitted values, without a spread. The defaults stay in
+    ``conf/base.yaml``. It contains no path, so it runs in any folder. The remark is part of its
+    header.
     """
     values = _user_values(config)
     corrected = build_corrected_system(system, law)
     values["system"]["equations"] = _Block(corrected.config.equations)
+    if corrected.config.let:
+        values["system"]["let"] = _Block(corrected.config.let)
     if config.system.integrator.dt is None:
         # The step was chosen from the recording, which this file does not name.
         _put(values, ["system", "integrator", "dt"], system.dt)
@@ -70,8 +73,9 @@ def write_corrected(
 
 def _loses_structure(config: Config, corrected: System) -> bool:
     """Return whether the law invalidates the declared structure."""
-    is_changed = dict(corrected.config.equations) != dict(config.system.equations)
-    return config.system.structure is not None and is_changed
+    old, new = config.system, corrected.config
+    is_changed = dict(new.equations) != dict(old.equations) or dict(new.let) != dict(old.let)
+    return old.structure is not None and is_changed
 
 
 def _user_values(config: Config) -> dict[str, Any]:
