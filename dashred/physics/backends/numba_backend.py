@@ -94,10 +94,9 @@ def compile_kernel(
     rows = list(enumerate(input_signals.values, 1))
     known |= {name: f"m{row}" for row, name in rows}
     now = [f"    m{row} = at(t, {row})" for row, _ in rows]
-    body = _OverPoints(known) if coordinates else _AtPoint(known, inputs, channel_terms)
     own = [f for f in channel_terms if f.weight is None and f.window_weight is None]
     lines = ["def kernel(x, c, t, w, out):", *now, "    for r in range(out.shape[1]):"]
-    lines += ["        out[:, r] = 0.0", *body.begin, *body.added(own, 8)]
+    lines += ["        out[:, r] = 0.0", *_added(own, known, 8)]
     terms: dict[tuple[int | None, int | None], list[ChannelTerm]] = {}
     for f in channel_terms:
         if f not in own:
@@ -106,65 +105,36 @@ def compile_kernel(
         a = f"w[r, {weight}]" if weight is not None else "0.0"
         if window_weight is None:
             lines += [f"        a = {a}", "        if a != 0.0:"]
-            lines += body.added(group, 12, "a")
+            lines += _added(group, known, 12, "a")
         else:
             lines += [f"        a, b = {a}, w[r, {window_weight}]"]
             lines += ["        if a != 0.0 or b != 0.0:"]
-            lines += body.added(group, 12, WINDOWED_COEFFICIENT)
-    source = "\n".join([*lines, *body.end])
+            lines += _added(group, known, 12, WINDOWED_COEFFICIENT)
+    source = "\n".join(lines)
     return _compile(source, _window_code(factors, known, now), input_signals)
 
 
-@dataclass(frozen=True)
-class _OverPoints:
-    """Code that adds functions to the channels of one row in a loop over the points."""
-
-    known: Mapping[str, str]
-    begin: Sequence[str] = ()
-    end: Sequence[str] = ()
-
-    def added(
-        self, functions: Sequence[ChannelTerm], indent: int, factor: str | None = None
-    ) -> list[str]:
-        """Return the code that adds functions, times a factor."""
-        target = "out[{}, r, i]"
-        inner = _sum_code(functions, self.known, target, factor)
-        loop = "for i in range(out.shape[2]):"
-        return _indented([loop, *_indented(inner, 4)] if inner else [], indent)
-
-
-class _AtPoint:
-    """Code that adds functions to the channels of one row at its only point.
-
-    Inputs and sums are local variables: a kernel of hundreds of terms compiles three times as fast
-    as with arrays.
-    """
-
-    def __init__(
-        self, known: Mapping[str, str], inputs: Sequence[str], functions: Sequence[ChannelTerm]
-    ) -> None:
-        channels = sorted({f.channel for f in functions})
-        self.known = {**known, **{name: f"x{j}" for j, name in enumerate(inputs)}}
-        reads = [f"x{j} = x[{j}, r, i]" for j in range(len(inputs))]
-        self.begin = _indented(["i = 0", *reads, *(f"sum{k} = 0.0" for k in channels)], 8)
-        self.end = _indented([f"out[{k}, r, i] = sum{k}" for k in channels], 8)
-
-    def added(
-        self, functions: Sequence[ChannelTerm], indent: int, factor: str | None = None
-    ) -> list[str]:
-        """Return the code that adds functions, times a factor."""
-        return _indented(_sum_code(functions, self.known, "sum{}", factor), indent)
+def _added(
+    functions: Sequence[ChannelTerm],
+    known: Mapping[str, str],
+    indent: int,
+    factor: str | None = None,
+) -> list[str]:
+    """Return the code that adds functions, times a factor, to the channels of one row."""
+    inner = _sum_code(functions, known, factor)
+    loop = "for i in range(out.shape[2]):"
+    return _indented([loop, *_indented(inner, 4)] if inner else [], indent)
 
 
 def _sum_code(
-    functions: Sequence[ChannelTerm], known: Mapping[str, str], target: str, factor: str | None
+    functions: Sequence[ChannelTerm], known: Mapping[str, str], factor: str | None
 ) -> list[str]:
-    """Return the code that adds each function, times a factor, to the target of its channel."""
+    """Return the code that adds each function, times a factor, to its channel at one point."""
     writer = CodeWriter(known)
     values = [(f.channel, writer.write(f.expression)) for f in functions]
     first = [f"f = {factor}"] if factor else []
     times = "f * " if factor else ""
-    added = [f"{target.format(channel)} += {times}{value}" for channel, value in values]
+    added = [f"out[{channel}, r, i] += {times}{value}" for channel, value in values]
     return [*writer.lines, *first, *added]
 
 

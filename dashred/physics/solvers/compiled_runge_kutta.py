@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numba
 import numpy as np
@@ -12,12 +11,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from dashred.physics.backends.numba_backend import KERNEL, REAL, Array, ChannelTerm, compile_kernel
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.runge_kutta import Tableau
 from dashred.physics.solvers.batch_coefficients import CoefficientLayout
 from dashred.physics.solvers.compiled_step import find_interval
 from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.ode_rates import NO_COLUMN, Array, OdeRates, add_rates, build_rates
 from dashred.physics.solvers.schedule import schedule
 from dashred.physics.system import System, Term
 from dashred.physics.window import Shape
@@ -26,9 +25,10 @@ Progress = Callable[[float], None]
 
 
 class CompiledRungeKutta:
-    """An ODE system with fixed steps, compiled for many runs.
+    """An ODE system with fixed steps, for many runs in compiled code.
 
-    It returns the trajectories of :func:`.simulate.simulate` after about one second of compilation.
+    The compiled code is the same for all systems. The trajectories are those of
+    :func:`.simulate.simulate`.
 
     Args:
         system: an ODE system whose method has a tableau.
@@ -41,19 +41,10 @@ class CompiledRungeKutta:
     ) -> None:
         assert system.tableau is not None
         self.system, self.tableau = system, system.tableau
-        layout = CoefficientLayout(len(terms), shapes)
-        channel = {field: i for i, field in enumerate(system.fields)}
-        channel_terms = [ChannelTerm(channel[f], expr, None) for f, expr in system.resolved.items()]
-        channel_terms += [
-            ChannelTerm(channel[term.equation], term.expression, j, layout.window_column(j))
-            for j, term in enumerate(terms)
-        ]
-        self.kernel = compile_kernel(
-            channel_terms, list(system.fields), [], layout.factors(), system.input_signals
-        )
+        self.rates = build_rates(system, terms, CoefficientLayout(len(terms), shapes))
 
     def with_step(self, dt: float) -> CompiledRungeKutta:
-        """Return a copy with another time step, without recompilation."""
+        """Return a copy with another time step."""
         other = copy.copy(self)
         other.system = self.system.with_step(dt)
         return other
@@ -79,22 +70,31 @@ class CompiledRungeKutta:
                 torch.zeros(0).double(), torch.zeros((len(start), 0, 0)).double()
             )
         steps = list(schedule(times.tolist(), self.system.dt))
-        saved = np.empty((len(times), start.shape[1], len(start), 1))
-        saved[0, :, :, 0] = start.numpy().T
+        saved = np.empty((len(times), start.shape[1], len(start)))
+        saved[0] = start.numpy().T
+        by_row = np.ascontiguousarray(weights.numpy())
         _integrate(
-            self.kernel,
+            self.rates,
+            self._used(by_row),
             saved,
             np.array([step.t for step in steps], dtype=np.float64),
             np.array([step.h for step in steps], dtype=np.float64),
             np.array([step.ends for step in steps], dtype=np.bool_),
-            np.ascontiguousarray(weights.numpy()),
+            by_row,
             sampled_forcing.knots.numpy(),
             sampled_forcing.values.permute(1, 2, 0).contiguous().numpy(),
             _square_matrix(self.tableau),
             np.array(self.tableau.b),
             np.array(self.tableau.c),
         )
-        return torch.from_numpy(saved[..., 0]).permute(2, 0, 1).contiguous()
+        return torch.from_numpy(saved).permute(2, 0, 1).contiguous()
+
+    def _used(self, weights: Array) -> NDArray[np.int64]:
+        """Return the indices of the functions with a weight in any row."""
+        has_weight = np.append((weights != 0).any(axis=0), False)
+        everywhere, inside = self.rates.places[:, 1], self.rates.places[:, 2]
+        own = everywhere == NO_COLUMN
+        return np.flatnonzero(own | has_weight[everywhere] | has_weight[inside])
 
 
 def integrate_runge_kutta(
@@ -104,7 +104,7 @@ def integrate_runge_kutta(
     forcing: Forcing | None,
     progress: Progress | None,
 ) -> Tensor:
-    """Compile the system for one run and return what :func:`.simulate.simulate` returns."""
+    """Run the system once and return what :func:`.simulate.simulate` returns."""
     if forcing is None:
         forcing = Forcing((), torch.zeros((len(start), 0), dtype=torch.float64))
     result = CompiledRungeKutta(system, forcing.terms)(start, times, forcing.coefficients)
@@ -115,12 +115,12 @@ def integrate_runge_kutta(
 
 @numba.njit(cache=True)
 def _add_forcing(
-    knots: Array, sampled_forcing: NDArray[np.float64], t: float, rates: NDArray[np.float64]
+    knots: Array, sampled_forcing: NDArray[np.float64], t: float, rates: Array
 ) -> None:
-    """Add the free forcing at one time to rates ``(field, row, 1)``."""
+    """Add the free forcing at one time to rates ``(field, row)``."""
     if len(knots):
         k, share = find_interval(knots, t)
-        rates[:, :, 0] += (1 - share) * sampled_forcing[k] + share * sampled_forcing[k + 1]
+        rates += (1 - share) * sampled_forcing[k] + share * sampled_forcing[k + 1]
 
 
 def _square_matrix(tableau: Tableau) -> Array:
@@ -143,24 +143,10 @@ def _add_stages(y: Array, h: float, shares: Array, count: int, rates: Array, out
                 out[place] += factor * rates[j, place]
 
 
-@numba.njit(
-    numba.void(
-        numba.types.FunctionType(KERNEL),
-        REAL[:, :, :, ::1],
-        REAL[::1],
-        REAL[::1],
-        numba.boolean[::1],
-        REAL[:, ::1],
-        REAL[::1],
-        REAL[:, :, ::1],
-        REAL[:, ::1],
-        REAL[::1],
-        REAL[::1],
-    ),
-    cache=True,
-)
+@numba.njit(cache=True, error_model="numpy")
 def _integrate(
-    kernel: Any,
+    functions: OdeRates,
+    used: NDArray[np.int64],
     saved: NDArray[np.float64],
     times: Array,
     steps: Array,
@@ -172,11 +158,10 @@ def _integrate(
     b: Array,
     c: Array,
 ) -> None:
-    """Integrate with the tableau a, b, c and fill ``saved``, ``(time, field, row, 1)``.
+    """Integrate with the tableau a, b, c and fill ``saved``, ``(time, field, row)``.
 
     The free forcing is ``(knot, field, row)``.
     """
-    no_coordinates = np.zeros((0, 1))
     y = saved[0].copy()
     at, rates = np.empty_like(y), np.empty((len(b), *y.shape))
     # One-dimensional views of the same memory.
@@ -187,7 +172,7 @@ def _integrate(
         for stage in range(len(b)):
             now = t + c[stage] * h
             _add_stages(flat_y, h, a[stage], stage, flat_rates, flat_at)
-            kernel(at, no_coordinates, now, weights, rates[stage])
+            add_rates(functions, used, at, now, weights, rates[stage])
             _add_forcing(knots, sampled_forcing, now, rates[stage])
         _add_stages(flat_y, h, b, len(b), flat_rates, flat_y)
         if ends[i]:

@@ -24,6 +24,7 @@ from dashred.physics.expressions.parser import Vocabulary, number, parse
 from dashred.physics.grids.grid import Grid
 from dashred.physics.grids.grid_value import Value
 from dashred.physics.grids.spectral import Spectral
+from tests.physics.stack import by_stack
 
 DOCS = Path(__file__).parents[3] / "docs" / "own-system.md"
 U, V = "u", "v"
@@ -88,6 +89,8 @@ def test_all_backends_agree_with_python(by_numba, u, v):
     point = {U: np.array([u]), V: np.array([v])}
     np.testing.assert_allclose(Pointwise(EXPRESSIONS)(point, (1,))[:, 0], wanted, rtol=1e-12)
     np.testing.assert_allclose(by_numba(np.array([u, v])), wanted, rtol=1e-12)
+    on_stack = by_stack(EXPRESSIONS, {U: 0, V: 1}, [u, v])
+    np.testing.assert_allclose(on_stack, wanted, rtol=1e-12)
     np.testing.assert_allclose(by_torch(u, v), wanted, rtol=1e-12)
     np.testing.assert_allclose(scalar_program(EXPRESSIONS, [U, V])(u, v), wanted, rtol=1e-12)
 

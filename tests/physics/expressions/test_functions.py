@@ -19,6 +19,7 @@ from dashred.physics.expressions.algebra import Call, Name, Number, substitute
 from dashred.physics.expressions.differentiate import differentiate
 from dashred.physics.expressions.functions import FUNCTIONS, Function, Parity
 from dashred.physics.expressions.parser import number
+from tests.physics.stack import by_stack
 
 DOCS = Path(__file__).parents[3] / "docs"
 NAMES = list(FUNCTIONS)
@@ -57,20 +58,22 @@ def test_all_backends_agree_with_the_scalar_function(by_numba, x):
     """Where a scalar has no value, arrays hold what is not finite."""
     point = np.array([x])
     machine = by_numba(point)[:, 0]
+    on_stack = by_stack(CALLS, {"x": 0}, [x])
     arrays = Pointwise(CALLS)({"x": point}, (1,))[:, 0]
-    for call, in_numba, in_numpy in zip(CALLS, machine, arrays, strict=True):
+    for call, in_numba, in_stack, in_numpy in zip(CALLS, machine, on_stack, arrays, strict=True):
         function = FUNCTIONS[call.function]
         wanted = scalar(function, x)
         in_torch = function.arrays(torch)(torch.tensor([x], dtype=torch.float64))
         assert in_torch.dtype == torch.float64
         program = scalar_program([call], ["x"])
         if wanted is None:
-            assert not any(map(math.isfinite, (in_numba, in_numpy, in_torch.item()))), call
+            found = (in_numba, in_stack, in_numpy, in_torch.item())
+            assert not any(map(math.isfinite, found)), call
             with pytest.raises(NON_FINITE_ERRORS):
                 program(x)
             continue
-        for found in (in_numba, in_numpy, in_torch.item(), *program(x)):
-            assert found == pytest.approx(wanted, rel=1e-12, abs=1e-300), call
+        for value in (in_numba, in_stack, in_numpy, in_torch.item(), *program(x)):
+            assert value == pytest.approx(wanted, rel=1e-12, abs=1e-300), call
 
 
 @every
