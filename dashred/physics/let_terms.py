@@ -10,16 +10,24 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from dashred.physics.expressions.algebra import (
+    ONE,
     ZERO,
     Expr,
+    Name,
+    add,
     multiply,
+    names,
     split_coefficient,
+    substitute,
 )
-from dashred.physics.expressions.differentiate import NotDifferentiableError, differentiate
+from dashred.physics.expressions.differentiate import differentiate
+from dashred.physics.parameter_sensitivity import is_within_function
 from dashred.physics.system import System, Term
 
 # A change of a let that one equation reads is a term of this equation.
 FEWEST_EQUATIONS = 2
+# Name of ξ; it contains a space, so that it is not a name of the equation language.
+CHANGE = "change of a let"
 
 
 def build_let_terms(system: System, listed: Mapping[str, Sequence[str]] | None) -> list[Term]:
@@ -49,7 +57,6 @@ def resolved_let_term(system: System, term: Term) -> tuple[Term, ...]:
         term: θ, a result of :func:`build_let_terms`.
 
     Raises:
-        NotDifferentiableError: see :func:`differentiate`.
         InputError: the parameters make a constant infinite.
     """
     return tuple(
@@ -59,34 +66,49 @@ def resolved_let_term(system: System, term: Term) -> tuple[Term, ...]:
 
 
 def let_tangents(system: System, term: Term) -> dict[str, Expr]:
-    """Return ``∂N/∂m θ`` of each equation that reads the let m, in the names of the system."""
-    slopes = let_slopes(system, term.equation)
-    return {equation: multiply((slope, term.expression)) for equation, slope in slopes.items()}
+    """Return ``∂N/∂m θ`` of each equation that reads the let m, directly or through other lets.
 
-
-def let_slopes(system: System, let: str) -> dict[str, Expr]:
-    """Return ``∂N/∂m`` of each equation that reads the let m, directly or through other lets.
-
-    Raises:
-        NotDifferentiableError: see :func:`differentiate`.
+    It is ``d/dξ N(m + ξ θ)`` at ``ξ = 0``, because N may contain derivatives of m in space. Its
+    names are those of the system.
     """
-    slopes = {
-        equation: differentiate(system.without_lets(expr, let), let)
+    found = {
+        equation: substitute(differentiate(changed, CHANGE), {CHANGE: ZERO})
+        for equation, changed in _changed(system, term).items()
+    }
+    return {equation: tangent for equation, tangent in found.items() if tangent != ZERO}
+
+
+def equations_with_let(system: System, let: str) -> list[str]:
+    """Return the equations that a constant change of a let changes."""
+    return list(let_tangents(system, Term(let, ONE)))
+
+
+def is_exact_change(system: System, term: Term) -> bool:
+    """Return whether ``m + ξ θ`` adds exactly ``ξ ∂N/∂m θ`` to every equation, for any ξ."""
+    changed = _changed(system, term).values()
+    return not any(
+        is_within_function(expr, {CHANGE}) or CHANGE in names(differentiate(expr, CHANGE))
+        for expr in changed
+    )
+
+
+def _changed(system: System, term: Term) -> dict[str, Expr]:
+    """Return the equations with ``m + ξ θ`` in place of the let m."""
+    let = term.equation
+    changed = add((Name(let), multiply((Name(CHANGE), term.expression))))
+    return {
+        equation: substitute(system.without_lets(expr, let), {let: changed})
         for equation, expr in system.equations.items()
     }
-    return {equation: slope for equation, slope in slopes.items() if slope != ZERO}
-
-
-def is_affine_in(system: System, let: str) -> bool:
-    """Return whether every equation is affine in a let, so that its tangents are exact."""
-    return all(differentiate(slope, let) == ZERO for slope in let_slopes(system, let).values())
 
 
 def _default_texts(system: System) -> dict[str, list[str]]:
     """Return a constant, each field, and products of the let with a field and its square."""
     if system.axes or system.config.structure is not None:
         return {}
-    shared = [let for let in system.lets if _is_shared(system, let)]
+    shared = [
+        let for let in system.lets if len(equations_with_let(system, let)) >= FEWEST_EQUATIONS
+    ]
     return {
         let: [
             "1",
@@ -97,10 +119,3 @@ def _default_texts(system: System) -> dict[str, list[str]]:
         ]
         for let in shared
     }
-
-
-def _is_shared(system: System, let: str) -> bool:
-    try:
-        return len(let_slopes(system, let)) >= FEWEST_EQUATIONS
-    except NotDifferentiableError:
-        return False

@@ -48,7 +48,7 @@ def acts_linearly(system: System, parameters: Collection[str]) -> bool:
     within a function: the derivative does not tell where a ``clip`` or a ``step`` jumps.
     """
     whole = map(system.without_lets, system.equations.values())
-    if any(_is_within_function(expr, set(parameters)) for expr in whole):
+    if any(is_within_function(expr, set(parameters)) for expr in whole):
         return False
     try:
         slopes = [s for p in parameters for s in parameter_slopes(system, p).values()]
@@ -57,8 +57,8 @@ def acts_linearly(system: System, parameters: Collection[str]) -> bool:
         return False
 
 
-def _is_within_function(expr: Expr, parameters: Set[str]) -> bool:
-    """Return whether one of some parameters is in an argument of a function or a condition."""
+def is_within_function(expr: Expr, parameters: Set[str]) -> bool:
+    """Return whether an argument of a function or a condition contains one of some names."""
     if isinstance(expr, Call | Where) and names(expr) & parameters:
         return True
-    return any(_is_within_function(child, parameters) for child in children(expr))
+    return any(is_within_function(child, parameters) for child in children(expr))

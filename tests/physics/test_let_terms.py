@@ -10,7 +10,12 @@ import torch
 from dashred.core.errors import InputError
 from dashred.inference.forward.candidates import build_candidates
 from dashred.inference.results.corrected_system import build_corrected_system
-from dashred.physics.let_terms import build_let_terms, is_affine_in, let_slopes
+from dashred.physics.let_terms import (
+    build_let_terms,
+    equations_with_let,
+    is_exact_change,
+    let_tangents,
+)
 from dashred.physics.library import build_library, evaluate_terms
 from dashred.physics.system import System, Term
 from dashred.reporting.wording.term_description import describe_term
@@ -30,6 +35,18 @@ system:
   spread: {X: 0.1, G: 1, W: 0.5}
   integrator: {dt: 0.5}
 recording: {twin: a, sensors: 3, noise: 0, duration: 4, every: 0.5}
+"""
+FIELD = """
+system:
+  title: heat
+  axes: {x: {length: 2*pi, points: 16}}
+  fields: {u: temperature}
+  parameters: {k: 0.1}
+  let: {D: k*(1 + sin(x)/2)}
+  equations: {u: "d(D*d(u, x), x)"}
+  start: {u: sin(x)}
+  integrator: {dt: 0.05}
+recording: {twin: a, sensors: 4, noise: 0, duration: 4, every: 0.5}
 """
 STATES = torch.tensor([[0.4, 20.0, 2.0], [1.0, 12.0, 5.0], [2.0, 4.0, 9.0]], dtype=torch.float64)
 
@@ -54,13 +71,31 @@ def corrected(system: System, let: str, text: str, xi: float) -> System:
     return build_corrected_system(system, law)
 
 
-def test_slopes_follow_a_let_through_other_lets(system: System) -> None:
-    slopes = let_slopes(system, "m")
-    assert {name: str(Term(name, slope)) for name, slope in slopes.items()} == {
-        "X": "X",
-        "G": "-X*Y**(-1)",
-        "W": "2*X",
+def test_tangents_follow_a_let_through_other_lets(system: System) -> None:
+    [term] = build_let_terms(system, {"m": ["W"]})
+    tangents = let_tangents(system, term)
+    assert {name: str(Term(name, tangent)) for name, tangent in tangents.items()} == {
+        "X": "W*X",
+        "G": "-W*X*Y**(-1)",
+        "W": "2*W*X",
     }
+    assert equations_with_let(system, "lost") == ["X"]
+
+
+def test_a_let_within_a_derivative_in_space_keeps_its_place(tmp_path: Path) -> None:
+    system = laws.declared(tmp_path, FIELD)
+    [term] = build_let_terms(system, {"D": ["u"]})
+    changed = let_tangents(system, term)
+    assert changed == {"u": system.parse("d(u*d(u, x), x)", "test")}
+    assert is_exact_change(system, term)
+    # Only an ODE system has default terms of lets.
+    assert not build_let_terms(system, None)
+
+
+@pytest.mark.parametrize("use", ["step(m - 1)", "m**2", "where(m > 0, 1, 2)", "exp(m)"])
+def test_a_change_is_exact_only_if_the_equations_are_affine(tmp_path: Path, use: str) -> None:
+    system = laws.declared(tmp_path, TEXT.replace("X: m*X - lost", f"X: m*X + {use}"))
+    assert not is_exact_change(system, Term("m", system.parse("W", "test")))
 
 
 def test_only_shared_lets_have_default_terms(system: System) -> None:
@@ -95,7 +130,7 @@ def test_the_corrected_let_contains_the_change_once(system: System) -> None:
 def test_a_let_that_acts_nonlinearly_leaves_its_tangents(tmp_path: Path) -> None:
     text = TEXT.replace("lost: a*X", "lost: a*X/(1 + m)")
     system = laws.declared(tmp_path, text)
-    assert not is_affine_in(system, "m")
+    assert not is_exact_change(system, Term("m", system.parse("W", "test")))
     changed = corrected(system, "m", "W", 0.01)
     assert changed.config.let == system.config.let
     growth = 0.05 * STATES[:, 1] / (1.2 + STATES[:, 1])

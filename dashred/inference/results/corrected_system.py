@@ -8,7 +8,7 @@ from dataclasses import replace
 from dashred.inference.fit.law import Law
 from dashred.inference.results.fitted_parameters import exact_changes
 from dashred.physics.expressions.algebra import ZERO, multiply, names
-from dashred.physics.let_terms import is_affine_in, let_slopes, let_tangents
+from dashred.physics.let_terms import is_exact_change, let_tangents
 from dashred.physics.parameter_sensitivity import parameter_slopes
 from dashred.physics.system import System, Term
 
@@ -59,11 +59,11 @@ def _in_equations(system: System, term: Term, changes: Mapping[str, float]) -> l
     """Return a term of a let as tangents of the equations, unless a change of the let is exact."""
     if term.equation not in system.lets:
         return [term]
-    slopes = let_slopes(system, term.equation).values()
-    read = set().union(*(names(system.without_lets(slope)) for slope in slopes))
-    if is_affine_in(system, term.equation) and not read & changes.keys():
+    tangents = let_tangents(system, term)
+    read = set().union(*(names(system.without_lets(added)) for added in tangents.values()))
+    if is_exact_change(system, term) and not read & changes.keys():
         return [term]
-    return [Term(equation, added) for equation, added in let_tangents(system, term).items()]
+    return [Term(equation, added) for equation, added in tangents.items()]
 
 
 def _tangents(system: System, parameter: str) -> Iterator[Term]:

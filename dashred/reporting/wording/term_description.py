@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dashred.core.formatting import with_error
 from dashred.core.units import TIME, with_unit
 from dashred.physics.expressions.algebra import ONE, Call, Expr, Name, split_coefficient
-from dashred.physics.let_terms import let_slopes
+from dashred.physics.let_terms import equations_with_let
 from dashred.physics.system import System
 from dashred.physics.term_units import coefficient_unit
 from dashred.reporting.wording.sized_term import (
@@ -57,7 +57,7 @@ def describe_term(
 
 
 def _describe_in_let(system: System, let: str, expr: Expr, value: float, std: float) -> Description:
-    *most, last = let_slopes(system, let)
+    *most, last = equations_with_let(system, let)
     readers = f"{', '.join(most)} and {last}" if most else last
     noun = "equations" if most else "equation"
     size = with_unit(with_error(value, std), coefficient_unit(system, let, expr))
