@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 
 MINUS = "\N{MINUS SIGN}"
 SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -42,6 +43,12 @@ def rounded(value: float, std: float) -> tuple[str, str]:
     texts = (f"{round(x, -place) + 0.0:.{decimals}f}" for x in (value, std))
     first, second = (text.replace("-", MINUS) for text in texts)
     return first, second
+
+
+def joined(parts: Sequence[str]) -> str:
+    """Return parts as a list in a sentence: ``X``, ``X and G``, or ``X, G and W``."""
+    *most, last = parts
+    return f"{', '.join(most)} and {last}" if most else last
 
 
 def with_error(value: float, std: float) -> str:

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dashred.core.formatting import number, percent, rounded, with_error
+from dashred.core.formatting import joined, number, percent, rounded, with_error
 
 
 @pytest.mark.parametrize(
@@ -38,3 +38,8 @@ def test_numbers_alone_have_four_digits_and_a_true_minus() -> None:
     assert (number(-0.0351234), number(1e-7), percent(0.394)) == ("−0.03512", "1e−07", "39 %")
     shares = (0.0, 0.0039, 0.0094, 0.0096, 0.996, 1.0)
     assert [*map(percent, shares)] == ["0 %", "0.4 %", "0.9 %", "1 %", "100 %", "100 %"]
+
+
+@pytest.mark.parametrize(("parts", "text"), [("X", "X"), ("XG", "X and G"), ("XGW", "X, G and W")])
+def test_parts_are_joined_as_in_a_sentence(parts: str, text: str) -> None:
+    assert joined(list(parts)) == text

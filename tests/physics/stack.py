@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from dashred.physics.backends.stack_machine import evaluate
-from dashred.physics.backends.stack_program import Vocabulary, build_programs, stack_depth
+from dashred.physics.backends.stack_program import NamePlaces, build_programs, stack_depth
 from dashred.physics.expressions.algebra import Expr
 
 
@@ -27,7 +27,7 @@ def by_stack(
         weights: weights of a row.
         columns: column of each name among the weights.
     """
-    names = Vocabulary(places, columns or {})
+    names = NamePlaces(places, columns or {})
     programs = build_programs([(expr, names) for expr in expressions])
     memory = np.empty(max(stack_depth(programs), 1))
     given, row = np.array(values, dtype=np.float64), np.array(weights, dtype=np.float64)

@@ -12,16 +12,6 @@ from dashred.physics.backends.stack_program import Op
 
 Array = NDArray[np.float64]
 
-# Numba reads global integers, but no members of an enumeration, as constants.
-_NUMBER, _READ, _WEIGHT = int(Op.NUMBER), int(Op.READ), int(Op.WEIGHT)
-_ADD, _MULTIPLY, _POWER = int(Op.ADD), int(Op.MULTIPLY), int(Op.POWER)
-_INVERT, _SQUARE, _CUBE = int(Op.INVERT), int(Op.SQUARE), int(Op.CUBE)
-_UNLESS, _JUMP = int(Op.UNLESS), int(Op.JUMP)
-_SIN, _COS, _TAN, _ATAN = int(Op.SIN), int(Op.COS), int(Op.TAN), int(Op.ATAN)
-_EXP, _LOG, _SQRT, _ERF = int(Op.EXP), int(Op.LOG), int(Op.SQRT), int(Op.ERF)
-_SINH, _COSH, _TANH, _SECH = int(Op.SINH), int(Op.COSH), int(Op.TANH), int(Op.SECH)
-_ABS, _SIGN, _STEP = int(Op.ABS), int(Op.SIGN), int(Op.STEP)
-
 
 @numba.njit(cache=True, error_model="numpy")
 def evaluate(
@@ -47,35 +37,35 @@ def evaluate(
     top, at = -1, begin
     while at < end:
         op = ops[at]
-        if op == _READ:
+        if op == Op.READ:
             top += 1
             stack[top] = values[int(arguments[at])]
-        elif op == _NUMBER:
+        elif op == Op.NUMBER:
             top += 1
             stack[top] = arguments[at]
-        elif op == _MULTIPLY:
+        elif op == Op.MULTIPLY:
             top -= 1
             stack[top] *= stack[top + 1]
-        elif op == _ADD:
+        elif op == Op.ADD:
             top -= 1
             stack[top] += stack[top + 1]
-        elif op == _SQUARE:
+        elif op == Op.SQUARE:
             stack[top] *= stack[top]
-        elif op == _CUBE:
+        elif op == Op.CUBE:
             stack[top] *= stack[top] * stack[top]
-        elif op == _INVERT:
+        elif op == Op.INVERT:
             stack[top] = 1.0 / stack[top]
-        elif op == _POWER:
+        elif op == Op.POWER:
             top -= 1
             stack[top] = stack[top] ** stack[top + 1]
-        elif op == _WEIGHT:
+        elif op == Op.WEIGHT:
             top += 1
             stack[top] = weights[int(arguments[at])]
-        elif op == _UNLESS:
+        elif op == Op.UNLESS:
             if not stack[top] > 0.0:
                 at += int(arguments[at])
             top -= 1
-        elif op == _JUMP:
+        elif op == Op.JUMP:
             at += int(arguments[at])
         else:
             stack[top] = _function(op, stack[top])
@@ -86,34 +76,34 @@ def evaluate(
 @numba.njit(cache=True, error_model="numpy")
 def _function(op: int, x: float) -> float:
     """Return the value of a function of one number; one branch for each function."""
-    if op == _ABS:
+    if op == Op.ABS:
         return abs(x)
-    if op == _SIN:
+    if op == Op.SIN:
         return math.sin(x)
-    if op == _COS:
+    if op == Op.COS:
         return math.cos(x)
-    if op == _SIGN:
+    if op == Op.SIGN:
         return 1.0 if x > 0.0 else (-1.0 if x < 0.0 else 0.0)
-    if op == _STEP:
+    if op == Op.STEP:
         return 1.0 if x > 0.0 else 0.0
-    if op == _TANH:
+    if op == Op.TANH:
         return math.tanh(x)
-    if op == _EXP:
+    if op == Op.EXP:
         return math.exp(x)
-    if op == _SQRT:
+    if op == Op.SQRT:
         return math.sqrt(x)
-    if op == _COSH:
+    if op == Op.COSH:
         return math.cosh(x)
-    if op == _SECH:
+    if op == Op.SECH:
         return 1.0 / math.cosh(x)
-    if op == _LOG:
+    if op == Op.LOG:
         return math.log(x)
-    if op == _TAN:
+    if op == Op.TAN:
         return math.tan(x)
-    if op == _ATAN:
+    if op == Op.ATAN:
         return math.atan(x)
-    if op == _ERF:
+    if op == Op.ERF:
         return math.erf(x)
-    if op == _SINH:
+    if op == Op.SINH:
         return math.sinh(x)
     return math.nan

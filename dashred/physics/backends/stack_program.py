@@ -83,7 +83,7 @@ class StackPrograms(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Vocabulary:
+class NamePlaces:
     """Where a program finds the value of each name.
 
     Attributes:
@@ -95,7 +95,7 @@ class Vocabulary:
     weights: Mapping[str, int]
 
 
-def build_programs(pairs: Sequence[tuple[Expr, Vocabulary]]) -> StackPrograms:
+def build_programs(pairs: Sequence[tuple[Expr, NamePlaces]]) -> StackPrograms:
     """Return the programs of expressions without spatial operators.
 
     Args:
@@ -118,7 +118,7 @@ def stack_depth(programs: StackPrograms) -> int:
     return int(np.diff(programs.begins).max(initial=0))
 
 
-def _code(expr: Expr, names: Vocabulary) -> list[Instruction]:
+def _code(expr: Expr, names: NamePlaces) -> list[Instruction]:
     match expr:
         case Number(value):
             return [(Op.NUMBER, value)]
@@ -148,7 +148,7 @@ def _code(expr: Expr, names: Vocabulary) -> list[Instruction]:
     raise TypeError(f"{expr!r} is not pointwise")
 
 
-def _chain(operands: Sequence[Expr], op: Op, names: Vocabulary) -> list[Instruction]:
+def _chain(operands: Sequence[Expr], op: Op, names: NamePlaces) -> list[Instruction]:
     code = _code(operands[0], names)
     for operand in operands[1:]:
         code += [*_code(operand, names), (op, 0.0)]

@@ -16,7 +16,7 @@ from dashred.physics.runge_kutta import Tableau
 from dashred.physics.solvers.batch_coefficients import CoefficientLayout
 from dashred.physics.solvers.compiled_step import find_interval
 from dashred.physics.solvers.forcing import Forcing
-from dashred.physics.solvers.ode_rates import NO_COLUMN, Array, OdeRates, add_rates, build_rates
+from dashred.physics.solvers.ode_rates import NO_COLUMN, Array, OdeRates, build_rates, set_rates
 from dashred.physics.solvers.schedule import schedule
 from dashred.physics.system import System, Term
 from dashred.physics.window import Shape
@@ -172,7 +172,7 @@ def _integrate(
         for stage in range(len(b)):
             now = t + c[stage] * h
             _add_stages(flat_y, h, a[stage], stage, flat_rates, flat_at)
-            add_rates(functions, used, at, now, weights, rates[stage])
+            set_rates(functions, used, at, now, weights, rates[stage])
             _add_forcing(knots, sampled_forcing, now, rates[stage])
         _add_stages(flat_y, h, b, len(b), flat_rates, flat_y)
         if ends[i]:

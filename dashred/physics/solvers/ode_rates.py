@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from dashred.physics.backends.stack_machine import evaluate
 from dashred.physics.backends.stack_program import (
+    NamePlaces,
     StackPrograms,
-    Vocabulary,
     build_programs,
     stack_depth,
 )
@@ -56,11 +56,11 @@ def build_rates(system: System, terms: Sequence[Term], layout: CoefficientLayout
     """
     signals = system.input_signals
     index = {name: j for j, name in enumerate([*system.fields, "t", *signals.values])}
-    names, channel = Vocabulary(index, {}), {field: i for i, field in enumerate(system.fields)}
+    names, channel = NamePlaces(index, {}), {field: i for i, field in enumerate(system.fields)}
     own = [(system.resolved[field], names) for field in system.fields]
     added = [(term.expression, names) for term in terms]
     factors = layout.factors()
-    windows = [(factor.expression, Vocabulary(index, factor.unknowns)) for factor in factors]
+    windows = [(factor.expression, NamePlaces(index, factor.unknowns)) for factor in factors]
     places = [[channel[field], NO_COLUMN, NO_COLUMN] for field in system.fields]
     for j, term in enumerate(terms):
         inside = layout.window_column(j)
@@ -76,7 +76,7 @@ def build_rates(system: System, terms: Sequence[Term], layout: CoefficientLayout
 
 
 @numba.njit(cache=True, error_model="numpy")
-def add_rates(
+def set_rates(
     rates: OdeRates, used: NDArray[np.int64], states: Array, t: float, weights: Array, out: Array
 ) -> None:
     """Set ``out`` to the rates of change at one time.

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from dashred.core.formatting import number, percent, pretty, rounded
+from dashred.core.formatting import joined, number, percent, pretty, rounded
 from dashred.core.units import NO_UNITS, with_unit
 from dashred.reporting.text.causes import fault_causes
 from dashred.reporting.text.improvement import (
@@ -246,7 +246,7 @@ def location(where: Mapping[str, Any] | None, units: Mapping[str, str]) -> list[
     equations = f"the equation of {acting[0][0]}"
     if len(acting) > 1:
         listed = [f"{field} ({percent(share)})" for field, share in acting]
-        equations = f"the equations of {', '.join(listed[:-1])} and {listed[-1]}"
+        equations = f"the equations of {joined(listed)}"
     return [f"It acts in {equations}, {extent(where, units)}."]
 
 

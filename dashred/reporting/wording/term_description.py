@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from dashred.core.formatting import with_error
+from dashred.core.formatting import joined, with_error
 from dashred.core.units import TIME, with_unit
 from dashred.physics.expressions.algebra import ONE, Call, Expr, Name, split_coefficient
 from dashred.physics.let_terms import equations_with_let
@@ -57,12 +57,11 @@ def describe_term(
 
 
 def _describe_in_let(system: System, let: str, expr: Expr, value: float, std: float) -> Description:
-    *most, last = equations_with_let(system, let)
-    readers = f"{', '.join(most)} and {last}" if most else last
-    noun = "equations" if most else "equation"
+    readers = equations_with_let(system, let)
+    noun = "equation" if len(readers) == 1 else "equations"
     size = with_unit(with_error(value, std), coefficient_unit(system, let, expr))
     text = size if expr == ONE else f"({size})·{format_expression(expr)}"
-    return Description(f"a change of {let} in the {noun} of {readers}", text, " by ")
+    return Description(f"a change of {let} in the {noun} of {joined(readers)}", text, " by ")
 
 
 def _constant(term: SizedTerm) -> Description | None:

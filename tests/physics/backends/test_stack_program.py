@@ -6,13 +6,12 @@ import math
 
 import pytest
 
-from dashred.physics.backends.stack_program import Op, Vocabulary, build_programs, stack_depth
+from dashred.physics.backends.stack_program import NamePlaces, Op, build_programs, stack_depth
 from dashred.physics.expressions.functions import FUNCTIONS
-from dashred.physics.expressions.parser import Vocabulary as Names
-from dashred.physics.expressions.parser import parse
+from dashred.physics.expressions.parser import Vocabulary, parse
 from tests.physics.stack import by_stack
 
-KNOWN = Names(frozenset({"u", "v"}), ("x",))
+KNOWN = Vocabulary(frozenset({"u", "v"}), ("x",))
 
 
 def expr(text: str):
@@ -40,11 +39,11 @@ def test_what_is_not_finite_stays_so() -> None:
 
 
 def test_the_stack_is_never_deeper_than_the_longest_program() -> None:
-    programs = build_programs([(expr(t), Vocabulary({"u": 0}, {})) for t in ("u", "u*(u + u**4)")])
+    programs = build_programs([(expr(t), NamePlaces({"u": 0}, {})) for t in ("u", "u*(u + u**4)")])
     assert stack_depth(programs) == 7
     assert stack_depth(build_programs([])) == 0
 
 
 def test_derivatives_in_space_have_no_program() -> None:
     with pytest.raises(TypeError, match="not pointwise"):
-        build_programs([(expr("d(u, x)"), Vocabulary({"u": 0}, {}))])
+        build_programs([(expr("d(u, x)"), NamePlaces({"u": 0}, {}))])
