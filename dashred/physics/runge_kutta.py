@@ -10,6 +10,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 if TYPE_CHECKING:
     from torch import Tensor
 
@@ -37,6 +40,13 @@ class Tableau:
     b: tuple[float, ...]
     c: tuple[float, ...]
     order: int
+
+    def matrix(self) -> NDArray[np.float64]:
+        """Return the coefficients a as a lower triangular matrix, ``(stage, stage)``."""
+        result = np.zeros((len(self.b), len(self.b)))
+        for row, shares in zip(result, self.a, strict=True):
+            row[: len(shares)] = shares
+        return result
 
     def with_stages_inside(self) -> Tableau:
         """Return the method with no stage exactly at an end of the step.

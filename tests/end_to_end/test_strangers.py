@@ -35,8 +35,6 @@ FOREIGN = CHECKOUT / "dashred" / "evaluation" / "foreign" / "cases"
 ALLOWED = {
     PHYSICS / "backends" / "codegen.py": ["exec"],
     PHYSICS / "backends" / "numba_backend.py": ["define"],
-    PHYSICS / "backends" / "scalar_backend.py": ["define"],
-    PHYSICS / "tangents" / "ode_trajectory.py": ["define"],
     # The expressions of the foreign fields are a table of the package.
     FOREIGN / "field_solver.py": ["eval", "compile", "compile", "compile"],
 }

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from dashred.physics.forcing_basis import SampledForcing
-from dashred.physics.runge_kutta import Tableau
 from dashred.physics.solvers.batch_coefficients import CoefficientLayout
 from dashred.physics.solvers.compiled_step import find_interval
 from dashred.physics.solvers.forcing import Forcing
@@ -83,7 +82,7 @@ class CompiledRungeKutta:
             by_row,
             sampled_forcing.knots.numpy(),
             sampled_forcing.values.permute(1, 2, 0).contiguous().numpy(),
-            _square_matrix(self.tableau),
+            self.tableau.matrix(),
             np.array(self.tableau.b),
             np.array(self.tableau.c),
         )
@@ -103,11 +102,15 @@ def integrate_runge_kutta(
     times: Tensor,
     forcing: Forcing | None,
     progress: Progress | None,
+    sampled_forcing: SampledForcing | None,
 ) -> Tensor:
     """Run the system once and return what :func:`.simulate.simulate` returns."""
     if forcing is None:
         forcing = Forcing((), torch.zeros((len(start), 0), dtype=torch.float64))
-    result = CompiledRungeKutta(system, forcing.terms)(start, times, forcing.coefficients)
+    if progress is not None:
+        progress(0.0)
+    run = CompiledRungeKutta(system, forcing.terms)
+    result = run(start, times, forcing.coefficients, sampled_forcing)
     if progress is not None:
         progress(1.0)
     return result
@@ -121,14 +124,6 @@ def _add_forcing(
     if len(knots):
         k, share = find_interval(knots, t)
         rates += (1 - share) * sampled_forcing[k] + share * sampled_forcing[k + 1]
-
-
-def _square_matrix(tableau: Tableau) -> Array:
-    """Return the coefficients a of a tableau as a lower triangular matrix, ``(stage, stage)``."""
-    result = np.zeros((len(tableau.b), len(tableau.b)))
-    for row, shares in zip(result, tableau.a, strict=True):
-        row[: len(shares)] = shares
-    return result
 
 
 @numba.njit(cache=True)

@@ -19,6 +19,8 @@ from dashred.physics.solvers.rhs import GridTendency, SpectralTendency
 from dashred.physics.solvers.schedule import schedule
 from dashred.physics.system import System
 
+# An ODE runs in code that is compiled already; its programs cost as much as so many steps.
+ODE_STEPS = 10
 # With few trajectories, call overhead dominates: compilation saves time above MANY_STEPS steps.
 FEW, MANY_STEPS = 8, 500
 # Otherwise it saves time above this number of (point, step) pairs per second of compilation; the
@@ -53,14 +55,16 @@ def simulate(
         A trajectory does not depend on the others in its batch, up to rounding errors. Adaptive
         methods (ODEs) choose their steps for the whole batch, so there it does up to the tolerance.
     """
-    if sampled_forcing is None and _should_compile(system, start, times, forcing, repeats):
+    if _should_compile(system, start, times, forcing, repeats):
         from dashred.physics.solvers.compiled_etdrk4 import integrate_etdrk4
         from dashred.physics.solvers.compiled_runge_kutta import integrate_runge_kutta
 
-        run = integrate_etdrk4 if system.axes else integrate_runge_kutta
+        if not system.axes:
+            return integrate_runge_kutta(system, start, times, forcing, progress, sampled_forcing)
         # A term in a window may have no semilinear form; it is not compiled.
         with suppress(NotSemilinearError, ArithmeticError):
-            return run(system, start, times, forcing, progress)
+            if sampled_forcing is None:
+                return integrate_etdrk4(system, start, times, forcing, progress)
     if system.spectral:
         tendency = SpectralTendency(system, forcing, start.device, sampled_forcing)
         states = _integrate_spectral(tendency, start, times.tolist())
@@ -102,7 +106,7 @@ def is_compilation_worthwhile(system: System, start: Tensor, span: float, terms:
         return False
     steps = span / system.dt
     if not system.axes:
-        return steps > MANY_STEPS
+        return steps > ODE_STEPS
     if len(start) <= FEW and terms <= FEW:
         return steps > MANY_STEPS and start.numel() * steps > WORK_PER_SECOND / 8
     return start.numel() * steps > WORK_PER_SECOND * (SECONDS + SECONDS_PER_TERM * terms)

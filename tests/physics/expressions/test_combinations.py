@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 
 from dashred.physics.backends.numba_backend import ChannelTerm, compile_kernel
 from dashred.physics.backends.numpy_backend import Pointwise
-from dashred.physics.backends.scalar_backend import scalar_program
 from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions.algebra import Expr, Number, Where, substitute
 from dashred.physics.expressions.combinations import COMBINATIONS
@@ -92,7 +91,6 @@ def test_all_backends_agree_with_python(by_numba, u, v):
     on_stack = by_stack(EXPRESSIONS, {U: 0, V: 1}, [u, v])
     np.testing.assert_allclose(on_stack, wanted, rtol=1e-12)
     np.testing.assert_allclose(by_torch(u, v), wanted, rtol=1e-12)
-    np.testing.assert_allclose(scalar_program(EXPRESSIONS, [U, V])(u, v), wanted, rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", [U, V])
@@ -116,7 +114,7 @@ def test_the_angle_of_a_point_on_an_axis(x, y):
 
 
 def at(expr: Expr, u: float, v: float) -> float:
-    return scalar_program([expr], [U, V])(u, v)[0]
+    return by_stack([expr], {U: 0, V: 1}, [u, v])[0]
 
 
 def test_a_constant_condition_chooses_its_branch():

@@ -108,7 +108,8 @@ class Case:
 @pytest.fixture(autouse=True)
 def _interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have ``simulate`` interpret however long a run: it is what compiled code is held to."""
-    monkeypatch.setattr("dashred.physics.solvers.simulate.MANY_STEPS", math.inf)
+    for name in ("ODE_STEPS", "MANY_STEPS"):
+        monkeypatch.setattr(f"dashred.physics.solvers.simulate.{name}", math.inf)
 
 
 @pytest.fixture(scope="module")
