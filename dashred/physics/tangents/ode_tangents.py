@@ -118,14 +118,15 @@ def _linearized_rates(
     signals = system.input_signals
     names = [*system.fields, "t", *signals.values]
     places = NamePlaces({name: j for j, name in enumerate(names)}, {})
-    expressions = [expr for *_, expr in (*functions, *slopes, *added)]
+    expressions = [expr for _, expr in functions]
+    expressions += [expr for *_, expr in (*slopes, *added)]
     programs = build_programs([(expr, places) for expr in expressions])
     return LinearizedRates(
         programs,
         np.array([field for field, _ in functions], dtype=np.int64),
         np.array(weights),
-        np.array([place for *place, _ in slopes], dtype=np.int64).reshape(-1, 2),
-        np.array([place for *place, _ in added], dtype=np.int64).reshape(-1, 2),
+        np.array([slope[:2] for slope in slopes], dtype=np.int64).reshape(-1, 2),
+        np.array([source[:2] for source in added], dtype=np.int64).reshape(-1, 2),
         np.ascontiguousarray(signals.table),
         stack_depth(programs),
     )
@@ -143,5 +144,5 @@ def _knot_forcing(
         basis_knots = forcing_basis.knots.numpy()
         # An ODE has one cell of height b: the courses of the columns are b times those in time.
         basis = np.kron(forcing_basis.bumps.numpy().reshape(1, -1), forcing_basis.courses.numpy())
-    arrays = (np.ascontiguousarray(part) for part in (knots, values, basis_knots, basis))
-    return KnotForcing(*arrays, first)
+    own, added = np.ascontiguousarray(values), np.ascontiguousarray(basis)
+    return KnotForcing(knots, own, basis_knots, added, first)
