@@ -65,6 +65,11 @@ def conversion(what: str, unit: str, where: str, other: str, other_where: str) -
     return found
 
 
+def is_known_unit(unit: str) -> bool:
+    """Return whether a unit can be converted."""
+    return _between(unit, unit) is not None
+
+
 @cache
 def _between(unit: str, other: str) -> Conversion | None:
     # Imported here: it takes half a second, and most recordings need no conversion.

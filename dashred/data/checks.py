@@ -11,8 +11,9 @@ from dashred.core.errors import InputError
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 
-# All episodes together need at least this many samples: fewer cannot tell a law from noise.
-MIN_SAMPLES = 20
+# All episodes together need at least this many samples, so that some remain for each split. What
+# they suffice for shows in the intervals.
+MIN_SAMPLES = 8
 # An episode needs at least this many, for its fit window and its held-out end.
 MIN_EPISODE_SAMPLES = 6
 # A step between samples of an interpolated input that is this many times the median is a gap.

@@ -26,6 +26,8 @@ MIN_ON_CLOCK = 0.25
 # A distance between samples that differs by more than this from every multiple of the step, in
 # steps, is random.
 RANDOM_OFFSET = 0.1
+# A clock with fewer samples than this is not made coarser.
+CLOCK_SAMPLES = 20
 # More samples than this indicate an error in the times.
 MAX_SAMPLES = 10_000_000
 
@@ -116,10 +118,10 @@ def coarser_step(recording: Recording) -> float | None:
     if not (_mostly_empty(recording, own) or _is_random(times, own)):
         return None
     seen = [times[~np.isnan(column)] for column in recording.values.T]
-    steps = [native_step(known) for known in seen if len(known) >= MIN_SAMPLES]
+    steps = [native_step(known) for known in seen if len(known) >= CLOCK_SAMPLES]
     for step in (max(steps, default=own), float(np.diff(times).mean())):
         tried = float(f"{step:.6g}")
-        if own < tried <= (times[-1] - times[0]) / MIN_SAMPLES:
+        if own < tried <= (times[-1] - times[0]) / CLOCK_SAMPLES:
             sampled, _ = resample(recording, tried)
             if np.isnan(sampled.values).mean() < 1 / 2:
                 return tried
@@ -136,7 +138,7 @@ def _is_random(times: NDArray[np.float64], step: float) -> bool:
 def _mostly_empty(recording: Recording, step: float) -> bool:
     count = float(recording.times[-1] - recording.times[0]) / step
     # The number of samples alone can show that the clock is mostly empty.
-    if count > len(recording.times) / MIN_FILLED or not MIN_SAMPLES < count < MAX_SAMPLES - 1:
+    if count > len(recording.times) / MIN_FILLED or not CLOCK_SAMPLES < count < MAX_SAMPLES - 1:
         return count > len(recording.times) / MIN_FILLED
     sampled, _ = resample(recording, step)
     return float((~np.isnan(sampled.values)).any(axis=1).mean()) < MIN_FILLED

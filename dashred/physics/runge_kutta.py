@@ -10,9 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 if TYPE_CHECKING:
     from torch import Tensor
 
@@ -41,12 +38,11 @@ class Tableau:
     c: tuple[float, ...]
     order: int
 
-    def matrix(self) -> NDArray[np.float64]:
-        """Return the coefficients a as a lower triangular matrix, ``(stage, stage)``."""
-        result = np.zeros((len(self.b), len(self.b)))
-        for row, shares in zip(result, self.a, strict=True):
-            row[: len(shares)] = shares
-        return result
+    @property
+    def square(self) -> tuple[tuple[float, ...], ...]:
+        """The coefficients a with zeros for the later stages, ``(stage, stage)``."""
+        count = len(self.b)
+        return tuple((*row, *(0.0,) * (count - len(row))) for row in self.a)
 
     def with_stages_inside(self) -> Tableau:
         """Return the method with no stage exactly at an end of the step.

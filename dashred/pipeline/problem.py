@@ -17,7 +17,6 @@ from dashred.core.findings.cause_schema import FaultySensor
 from dashred.data.angles import continue_angles
 from dashred.data.episodes import Episodes, name_episode_in_errors
 from dashred.data.inputs import with_inputs
-from dashred.data.io.reader import read_episodes
 from dashred.data.known_readings import check_reads_no_uncertain, subtract_known_readings
 from dashred.data.noise_level import noise_std
 from dashred.data.observation_operator import ObservationOperator
@@ -35,6 +34,7 @@ from dashred.physics.external.snapshots import Snapshots
 from dashred.physics.let_terms import build_let_terms
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
+from dashred.pipeline.read_recorded import read_recorded
 from dashred.pipeline.time_shares import ENDS, begin_budget
 from dashred.pipeline.time_step import states_time_step, with_time_step
 
@@ -315,17 +315,6 @@ def _fitted_count(read: Episodes) -> int:
     """Return the number of episodes that are not held out as a whole."""
     count = len(read.episodes)
     return count - (count >= FEWEST_TO_HOLD_OUT)
-
-
-def read_recorded(config: Config, system: System) -> Episodes:
-    """Read the recording at ``recording.path``.
-
-    Raises:
-        InputError: the recording is invalid.
-    """
-    assert config.recording.path is not None
-    table = config.recording.sensors if isinstance(config.recording.sensors, str) else None
-    return read_episodes(config.recording.path, table, system, config.recording.ignore)
 
 
 def _snapshots(system: System, read: Episodes) -> Snapshots | None:

@@ -125,7 +125,7 @@ def test_the_own_step_ignores_gaps_and_averages_rounding():
 
 
 @pytest.mark.parametrize(
-    ("every", "message"), [(0.05, "shorter than the recording's own"), (1.0, "leaves 10 samples")]
+    ("every", "message"), [(0.05, "shorter than the recording's own"), (2.0, "leaves 5 samples")]
 )
 def test_a_step_that_cannot_serve_is_refused(every, message):
     with pytest.raises(InputError, match=message):

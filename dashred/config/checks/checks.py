@@ -13,6 +13,7 @@ from dashred.config.checks.system_checks import check_system
 from dashred.config.schema.recording import Recording, SensorSplit
 from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where, required
+from dashred.core.column_names import parse_columns
 from dashred.core.errors import InputError, nearest
 from dashred.core.limits import Limit
 from dashred.core.stated_noise import parse_noise
@@ -127,6 +128,7 @@ def _check_recording(settings: Settings, where: Where) -> None:
     recording, system = settings.recording, settings.system
     _check_sensors(recording, where)
     _check_noise(recording.std, where)
+    parse_columns(recording.columns, where("recording.columns"))
     for i, name in enumerate(recording.reads):
         if name not in system.fields and name not in system.let:
             raise InputError(

@@ -35,7 +35,13 @@ class Recording:
 
     every: Time | None
     """Step between samples. Twins are sampled at this step; finer recordings are resampled to it.
-    Null keeps the recording's own step, and the times of an ODE recording as they are."""
+    Null keeps the recording's own step, and the times of an ODE recording as they are. In a table
+    without times it is the step from row to row."""
+
+    columns: Any
+    """Names of the columns of a table: a list of all, `[time, T, u]`, for a table without a header;
+    or the header of some by the names that they have here, `{time: Zeit, T: Temperature 1}`. The
+    names `time` and `episode` have a meaning of their own."""
 
     ignore: list[str]
     """Columns of a table that are not read. Without this list, a column that is neither a sensor

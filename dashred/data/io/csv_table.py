@@ -5,10 +5,8 @@ from __future__ import annotations
 import contextlib
 import csv
 import math
-import re
 from array import array
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TextIO
@@ -17,16 +15,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
-from dashred.core.units import check_unit, split_unit
-from dashred.data.io.table_dialect import COMMA, find_header, write_decimals_with_a_point
-from dashred.data.sensors import check_names
+from dashred.core.unit_conversion import is_known_unit
+from dashred.data.io.table_dialect import (
+    COMMA,
+    DATE,
+    TableText,
+    find_header,
+    find_recording,
+    write_decimals_with_a_point,
+)
+from dashred.data.io.table_header import example_names, read_header
+from dashred.data.io.table_layout import TableLayout
 
 # A table takes about thirteen times its size in memory, because every cell is a separate string.
 MAX_BYTES = 2**28
-NUMBER = re.compile(r"[+-]?\d+(\.\d*)?")
 SECONDS_AS_NUMBERS = "write times as numbers, for example seconds since the start: 0.25"
-# 2024-05-17, 17.05.24, 5/17/2024, 12:30.
-DATE = re.compile(r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}|\d{1,2}:\d{2}")
 
 
 @dataclass(frozen=True)
@@ -97,32 +100,106 @@ def read_table(path: str) -> Table:
         InputError: the file is missing, empty, not UTF-8 or badly quoted; a column has no name, a
             repeated name or an empty unit; or a row has too few or too many cells.
     """
+    text, rows, lines = _read_cells(path, find_header)
+    header = lines.pop(0)
+    columns, units = read_header(rows.pop(0), f"{path}:{header}")
+    return _table(path, columns, units, text, rows, lines, header)
+
+
+def read_recording_table(path: str, layout: TableLayout) -> Table:
+    """Read the table of a recording as a logger writes it.
+
+    Beyond what :func:`read_table` reads, other lines may precede the header, a line with units may
+    follow it, a separator may end each line, and the configuration may name the columns.
+
+    Raises:
+        InputError: as :func:`read_table`, or there are no names.
+    """
+    text, rows, lines = _read_cells(path, find_recording)
+    header, names, below = lines[0], layout.every_name, text.below_header
+    units_row = [cell.strip() for cell in rows[1]] if below else []
+    if names is None:
+        if not text.has_header:
+            hint = f"give them: recording.columns=[{', '.join(example_names(len(rows[0])))}]"
+            raise InputError("the columns have no names", where=f"{path}:{header}", hint=hint)
+        headers = layout.rename(rows[0], f"{path}:{header}")
+    else:
+        headers = list(names)
+    if text.has_header:
+        # In place: copying the list of a long table would double its memory.
+        del rows[: 1 + below], lines[: 1 + below]
+    _drop_empty_end(headers, rows)
+    columns, units = read_header(headers, f"{path}:{header}", layout.used)
+    for column, unit in zip(columns, units_row, strict=False):
+        if is_known_unit(unit):
+            units.setdefault(column, unit)
+    return _table(path, columns, units, text, rows, lines, header)
+
+
+def count_unnamed(path: str) -> int:
+    """Return the number of columns of a recording without a header; 0 if it has one.
+
+    Raises:
+        InputError: as :func:`read_table`.
+    """
+    text, rows, _ = _read_cells(path, find_recording)
+    if text.has_header:
+        return 0
+    return len(rows[0]) - all(not row[-1].strip() for row in rows)
+
+
+def _read_cells(
+    path: str, find: Callable[[TextIO], TableText]
+) -> tuple[TableText, list[list[str]], array[int]]:
+    """Return the cells of a file, and the line on which each row ends; blank lines are left out."""
     rows: list[list[str]] = []
     lines = array("q")
+    line = 0
     try:
         with _opened(path) as file:
-            text = find_header(file)
+            text = find(file)
+            line = text.skipped
             reader = csv.reader(text.lines, delimiter=text.separator, strict=True)
             for row in reader:
+                line = text.skipped + reader.line_num
                 if row:
                     rows.append(row)
-                    lines.append(text.skipped + reader.line_num)
+                    lines.append(line)
     except csv.Error as error:
-        where = f"{path}:{text.skipped + reader.line_num}"
-        raise InputError(f"not a readable CSV: {error}", where=where) from None
+        raise InputError(f"not a readable CSV: {error}", where=f"{path}:{line + 1}") from None
     except UnicodeDecodeError:
         where, hint = f"{path}:{_undecodable(path)}", "save the table as CSV in UTF-8"
         raise InputError("not UTF-8 text", where=where, hint=hint) from None
     if not any(len(row) > 1 or row[0].strip() for row in rows):
         raise InputError("the file is empty", where=path)
-    columns, units = read_header(rows[0], f"{path}:{lines[0]}")
+    return text, rows, lines
+
+
+def _table(
+    path: str,
+    columns: tuple[str, ...],
+    units: dict[str, str],
+    text: TableText,
+    rows: list[list[str]],
+    lines: array[int],
+    header: int,
+) -> Table:
     _check_rectangular(path, columns, rows, lines)
     if text.separator != COMMA:
         write_decimals_with_a_point(rows, lines, path)
-    header = lines[0]
-    # In place: copying the list of a long table would double its memory.
-    del rows[0], lines[0]
     return Table(path, columns, rows, lines, units, header)
+
+
+def _drop_empty_end(headers: list[str], rows: list[list[str]]) -> None:
+    """Remove the cell after the last separator of each line, if all lines end with a separator."""
+    width = len(rows[0]) if rows else 0
+    if not rows or any(len(row) != width or row[-1].strip() for row in rows):
+        return
+    if len(headers) == width and not headers[-1]:
+        headers.pop()
+    if len(headers) == width - 1:
+        for row in rows:
+            row.pop()
 
 
 @contextlib.contextmanager
@@ -160,40 +237,6 @@ def _undecodable(path: str) -> int:
     except UnicodeDecodeError as error:
         return data.count(b"\n", 0, error.start) + 1
     return 1
-
-
-def read_header(cells: list[str], where: str) -> tuple[tuple[str, ...], dict[str, str]]:
-    """Return the names of the columns, and the units of those that have one.
-
-    Raises:
-        InputError: a column has no name, or one that was used before, or an empty unit.
-    """
-    headers = _split_units(cells)
-    columns = tuple(name for name, _ in headers)
-    if "" in columns:
-        problem = f"column {columns.index('') + 1} has no name"
-        raise InputError(problem, where=where, hint="the first line must name every column")
-    check_names(columns, where)
-    return columns, {
-        name: check_unit(unit, f"column {name!r}", where)
-        for name, unit in headers
-        if unit is not None
-    }
-
-
-def _split_units(cells: list[str]) -> list[tuple[str, str | None]]:
-    """Separate names and units; the numbers in ``u[0],u[1]`` belong to the names.
-
-    ``u [1]`` is dimensionless, unless another column is named u with a number in brackets.
-    """
-    headers = [split_unit(cell) for cell in cells]
-    numbered = Counter(name for name, unit in headers if unit and NUMBER.fullmatch(unit))
-    return [
-        (cell.strip(), None)
-        if unit and NUMBER.fullmatch(unit) and (unit != "1" or numbered[name] > 1)
-        else (name, unit)
-        for cell, (name, unit) in zip(cells, headers, strict=True)
-    ]
 
 
 def _check_rectangular(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Collection
 from typing import TYPE_CHECKING, Any
 
 from dashred.core.errors import InputError
@@ -13,6 +12,7 @@ from dashred.data.io.csv_table import read_table
 from dashred.data.io.frame_table import FrameTable
 from dashred.data.io.read_csv import episodes_of_table
 from dashred.data.io.read_netcdf import episodes_of_dataset
+from dashred.data.io.table_layout import TableLayout
 from dashred.data.sensors import SystemDescription
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def read_in_memory(
     recording: xr.Dataset | pd.DataFrame,
     sensors: pd.DataFrame | str | None,
     system: SystemDescription,
-    ignored: Collection[str] = (),
+    layout: TableLayout,
 ) -> Episodes:
     """Read a recording as :func:`dashred.data.io.reader.read_episodes` reads a file.
 
@@ -36,7 +36,7 @@ def read_in_memory(
             with the columns of a CSV; ``time`` may be its index.
         sensors: the table of sensors of a DataFrame, or the path of one.
         system: that was recorded.
-        ignored: columns of a DataFrame that are not read.
+        layout: what is known of a DataFrame; the names of its columns are its own.
 
     Raises:
         InputError: it is of another type, or whatever fault the reader of a file would find.
@@ -48,7 +48,7 @@ def read_in_memory(
         return episodes_of_dataset(recording, RECORDING, system)
     if is_frame(recording):
         table = FrameTable.of(recording, RECORDING, "time")
-        return episodes_of_table(table, table_of_sensors(sensors), system, ignored)
+        return episodes_of_table(table, table_of_sensors(sensors), system, layout)
     problem = f"a recording cannot be of the type {type(recording).__name__}"
     hint = "name it: array.to_dataset(name='value')" if _is(recording, "xarray.DataArray") else HINT
     raise InputError(problem, where=RECORDING, hint=hint)

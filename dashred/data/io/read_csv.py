@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +18,7 @@ from dashred.data.checks import (
 from dashred.data.episodes import Episode, EpisodeRows, Episodes, split_into_episodes
 from dashred.data.input_action import fill_gaps
 from dashred.data.io.columns import Columns
-from dashred.data.io.csv_table import read_table
+from dashred.data.io.csv_table import read_recording_table, read_table
 from dashred.data.io.sensor_columns import (
     check_ignored,
     check_no_axes,
@@ -29,14 +28,20 @@ from dashred.data.io.sensor_columns import (
 from dashred.data.io.sensor_units import convert_sensors
 from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
-from dashred.data.io.time_column import find_time_column, read_times
+from dashred.data.io.table_layout import TableLayout
+from dashred.data.io.time_column import (
+    TimeColumn,
+    episode_column,
+    find_time_column,
+    read_times,
+)
 from dashred.data.recording import Recording
 from dashred.data.sensors import RESERVED, Sensor, SystemDescription, observable_names
 from dashred.physics.backends.input_signals import InputSignals
 
 
 def read_csv(
-    path: str, sensors_table: str | None, system: SystemDescription, ignored: Collection[str] = ()
+    path: str, sensors_table: str | None, system: SystemDescription, layout: TableLayout
 ) -> Episodes:
     """Read a recording and its table of sensors.
 
@@ -47,20 +52,40 @@ def read_csv(
         path: of the recording.
         sensors_table: path of the table of sensors, or None.
         system: that the sensors observe.
-        ignored: columns that are not read.
+        layout: what is known of the table of the recording.
 
     Raises:
         InputError: with the file, line and column of the error.
     """
     places = None if sensors_table is None else read_table(sensors_table)
-    return episodes_of_table(read_table(path), places, system, ignored)
+    return episodes_of_file(path, places, system, layout)
+
+
+def episodes_of_file(
+    path: str, places: Columns | None, system: SystemDescription, layout: TableLayout
+) -> Episodes:
+    """Read a recording with a table of sensors that is read already.
+
+    Args:
+        path: of the recording.
+        places: the table that says what the columns are; None says that they are fields or lets.
+        system: that was recorded.
+        layout: what is known of the table of the recording.
+
+    Raises:
+        InputError: as :func:`read_csv`.
+    """
+    named = [] if places is None or "name" not in places.columns else places.texts("name")
+    used = {*layout.ignored, *system.inputs.values(), *named}
+    table = read_recording_table(path, replace(layout, used=used))
+    return episodes_of_table(table, places, system, layout)
 
 
 def episodes_of_table(
     table: Columns,
     places: Columns | None,
     system: SystemDescription,
-    ignored: Collection[str] = (),
+    layout: TableLayout,
 ) -> Episodes:
     """Read a recording from a table of times, optionally ``episode``, and one column a sensor.
 
@@ -68,13 +93,13 @@ def episodes_of_table(
         table: the recording.
         places: the table that says what the columns are; None says that they are fields or lets.
         system: that was recorded.
-        ignored: columns that are not read.
+        layout: what is known of the table.
 
     Raises:
         InputError: as :func:`read_csv`.
     """
-    path = table.path
-    time = find_time_column(table)
+    path, ignored = table.path, layout.ignored
+    time = find_time_column(table, layout.step)
     stated = StatedUnits(system)
     inputs = _inputs(table, system, stated)
     check_ignored(table, ignored)
@@ -95,6 +120,8 @@ def episodes_of_table(
     for index, (sensor, convert) in enumerate(zip(sensors, conversions, strict=True)):
         values[:, index] = convert(table.numbers(sensor.name))
     times, parts = read_times(table, time, stated), _episode_rows(table)
+    if len(parts) == 1:
+        _check_one_run(table, times, time)
     fewest = fewest_samples([part.count for part in parts])
 
     def episode(stretch: EpisodeRows) -> Episode:
@@ -186,3 +213,18 @@ def _episode_rows(table: Columns) -> list[EpisodeRows]:
     if "episode" not in table.columns or not len(table):
         return [EpisodeRows("", slice(0, len(table)))]
     return split_into_episodes(table.texts("episode"), lambda row: table.location(row, "episode"))
+
+
+def _check_one_run(table: Columns, times: NDArray[np.float64], time: TimeColumn) -> None:
+    """Check that the times do not start again where another column changes.
+
+    Raises:
+        InputError: they do.
+    """
+    column = episode_column(table, times, time)
+    if column is None:
+        return
+    restart = int(np.flatnonzero(times[1:] < times[:-1])[0]) + 1
+    problem = f"the times start again, where {column!r} changes"
+    hint = f"if these are several episodes: recording.columns={{episode: {column}}}"
+    raise InputError(problem, where=table.location(restart, time.last), hint=hint)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from pathlib import Path
 
 from dashred.core.errors import InputError
@@ -10,8 +9,11 @@ from dashred.data.episodes import Episodes
 from dashred.data.io.read_csv import read_csv
 from dashred.data.io.read_netcdf import read_netcdf
 from dashred.data.io.table_dialect import TABLES
+from dashred.data.io.table_layout import TableLayout
 from dashred.data.recording import Recording
 from dashred.data.sensors import SystemDescription
+
+NO_LAYOUT = TableLayout()
 
 
 def read_recording(path: str, sensors_table: str | None, system: SystemDescription) -> Recording:
@@ -24,7 +26,10 @@ def read_recording(path: str, sensors_table: str | None, system: SystemDescripti
 
 
 def read_episodes(
-    path: str, sensors_table: str | None, system: SystemDescription, ignored: Collection[str] = ()
+    path: str,
+    sensors_table: str | None,
+    system: SystemDescription,
+    layout: TableLayout = NO_LAYOUT,
 ) -> Episodes:
     """Read a recording of a system from a table (with its table of sensors) or ``.nc``.
 
@@ -32,14 +37,14 @@ def read_episodes(
         path: of the recording.
         sensors_table: path of the table of sensors; None for NetCDF and for ODE systems.
         system: that the sensors observe.
-        ignored: columns of a table that are not read.
+        layout: what is known of a table before it is read.
 
     Raises:
         InputError: for any other extension, or an invalid file.
     """
     ending = Path(path).suffix.lower()
     if ending in TABLES:
-        return read_csv(path, sensors_table, system, ignored)
+        return read_csv(path, sensors_table, system, layout)
     if ending != ".nc":
         kinds = ", ".join(TABLES)
         problem = (

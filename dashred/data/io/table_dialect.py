@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from itertools import chain
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain, islice
 from typing import TextIO
 
 from dashred.core.errors import InputError
@@ -20,8 +21,10 @@ QUOTED = re.compile(r'"[^"]*"')
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 THOUSANDS = re.compile(r"[+-]?\d{1,3}(\.\d{3})+(,\d+)?")
-# Rows that are searched for decimal commas.
-HEAD = 100
+# 2024-05-17, 17.05.24, 5/17/2024, 12:30.
+DATE = re.compile(r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}|\d{1,2}:\d{2}")
+# Rows that are searched for decimal commas, and lines that are searched for the header.
+HEAD, HEAD_LINES = 100, 60
 
 
 @dataclass(frozen=True)
@@ -29,24 +32,28 @@ class TableText:
     """The lines of a table from its header on.
 
     Attributes:
-        lines: the header and the rows.
+        lines: the header, if there is one, and the rows.
         separator: between the cells.
         skipped: number of lines before the first of ``lines``.
+        below_header: number of lines between the header and the rows, such as one with units.
+        has_header: whether the first line is the header.
     """
 
     lines: Iterator[str]
     separator: str
     skipped: int
+    below_header: int = 0
+    has_header: bool = True
 
 
-def find_header(file: TextIO) -> TableText:
+def find_header(file: Iterator[str]) -> TableText:
     """Skip blank lines and comments at the beginning of a file, and find the separator.
 
     A comment directly above a row of numbers is the header, as ``numpy.savetxt`` writes it.
     """
     skipped, comment = 0, ""
     for line in file:
-        if line.strip() and not line.startswith(COMMENT):
+        if _is_content(line):
             break
         skipped += 1
         comment = line.lstrip(COMMENT).strip()
@@ -57,6 +64,58 @@ def find_header(file: TextIO) -> TableText:
     if comment and len(_cells(comment, separator)) == len(cells) and all(map(_is_number, cells)):
         return TableText(_rows([f"{comment}\n", line], file, separator), separator, skipped - 1)
     return TableText(_rows([line], file, separator), separator, skipped)
+
+
+def find_recording(file: TextIO) -> TableText:
+    """Find the header of a recording, which a logger may write between other lines.
+
+    The rows begin with the first line whose first cell is a number or a date. The header is the
+    first of the lines directly above that have as many cells, none of them empty or repeated. Lines
+    before it are skipped, and lines below it, such as one with the units, are counted. Without such
+    rows, the first line is the header.
+    """
+    head = list(islice(file, HEAD_LINES))
+    lines = chain(head, file)
+    begin = next((i for i, line in enumerate(head) if _is_content(line)), len(head))
+    first = next((i for i in range(begin, len(head)) if _begins_with_a_value(head[i])), None)
+    if first is None:
+        return find_header(lines)
+    if first == begin:
+        found = find_header(lines)
+        others = _cells(head[first], found.separator)[1:]
+        is_named = found.skipped < begin or not any(map(_is_value, others))
+        return replace(found, has_header=is_named)
+    separator = _separator(head[first])
+    rows = [_cells(line, separator) for line in head[: first + 1]]
+    top = first
+    while top > begin and len(rows[top - 1]) == len(rows[first]):
+        top -= 1
+    header = next((i for i in range(top, first) if _names_all(rows[i])), None)
+    # A line with numbers is a row, whatever its first cell.
+    if header is None or any(_is_number(cell) for row in rows[header + 1 : first] for cell in row):
+        return find_header(lines)
+    below = _rows(head[header:], file, separator)
+    return TableText(below, separator, header, first - header - 1)
+
+
+def _is_content(line: str) -> bool:
+    return bool(line.strip()) and not line.startswith(COMMENT)
+
+
+def _begins_with_a_value(line: str) -> bool:
+    cells = _cells(line, _separator(line))
+    return _is_value(cells[0])
+
+
+def _is_value(cell: str) -> bool:
+    """Return whether a cell is a number, a date or a time of day."""
+    bare = cell.strip().strip('"')
+    return _is_number(bare) or DATE.match(bare) is not None
+
+
+def _names_all(cells: Sequence[str]) -> bool:
+    names = [cell.strip() for cell in cells]
+    return len(set(names)) == len(names) and "" not in names[:-1]
 
 
 def write_decimals_with_a_point(rows: list[list[str]], lines: Sequence[int], path: str) -> None:
@@ -92,7 +151,7 @@ def _separator(line: str) -> str:
     return SPACE if len(bare.split()) > 1 else COMMA
 
 
-def _rows(first: list[str], file: TextIO, separator: str) -> Iterator[str]:
+def _rows(first: Iterable[str], file: Iterable[str], separator: str) -> Iterator[str]:
     if separator == SPACE:
         # The columns are aligned by any number of spaces.
         return (" ".join(line.split()) + "\n" for line in chain(first, file))
@@ -100,7 +159,12 @@ def _rows(first: list[str], file: TextIO, separator: str) -> Iterator[str]:
 
 
 def _cells(line: str, separator: str) -> list[str]:
-    return line.split() if separator == SPACE else line.rstrip("\r\n").split(separator)
+    if separator == SPACE:
+        return line.split()
+    try:
+        return next(csv.reader([line.rstrip("\r\n")], delimiter=separator), []) or [""]
+    except csv.Error:
+        return line.split(separator)
 
 
 def _is_number(cell: str) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,10 @@ from numpy.typing import NDArray
 from dashred.core.errors import InputError
 from dashred.core.units import TIME
 from dashred.data.io.columns import Columns
+from dashred.data.io.csv_table import is_number
 from dashred.data.io.stated_units import StatedUnits
+from dashred.data.io.table_layout import TIMES, split_header
 
-# Names of the column, in any capitalisation; ``time`` itself comes first.
-NAMES = ("time", "t", "times", "timestamp", "datetime", "date")
 SECONDS = {
     "ms": 1e-3,
     **dict.fromkeys(("s", "sec", "second", "seconds"), 1.0),
@@ -26,6 +27,8 @@ SECONDS = {
     **dict.fromkeys(("yr", "year", "years"), 365.25 * 86400.0),
 }
 DAY = 86400.0
+# Cells that are looked at to guess which column has the times.
+FEW = 20
 CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?")
 ISO = re.compile(r"\d{4}([-/.])\d{1,2}\1\d{1,2}")
 LOCAL = re.compile(
@@ -40,40 +43,94 @@ class TimeColumn:
     """The columns of a table that have its times.
 
     Attributes:
-        columns: the column of the times; or the column of the date, then that of the time of day.
+        columns: the column of the times; or the column of the date, then that of the time of day;
+            none if the rows have a constant step.
+        step: time from row to row, without a column.
     """
 
     columns: tuple[str, ...]
+    step: float = 1.0
 
     @property
     def last(self) -> str:
         """The column that error messages name."""
-        return self.columns[-1]
+        return self.columns[-1] if self.columns else "time"
 
 
-def find_time_column(table: Columns) -> TimeColumn:
+def find_time_column(table: Columns, step: float | None = None) -> TimeColumn:
     """Find the column ``time``, or another one with a name for times, such as ``Timestamp``.
 
     Of the columns ``Date`` and ``Time``, both are used if the second has times of day.
 
+    Args:
+        table: the recording.
+        step: time from row to row, if it is known, for a table in which no column may have times.
+
     Raises:
-        InputError: there is no such column, or several.
+        InputError: there is no such column and no step, or there are several columns.
     """
-    found = {name: [c for c in table.columns if c.lower() == name] for name in NAMES}
-    times, dates = found["time"], found["date"]
+    candidates = named_times(table)
+    times, dates = ([c for c in candidates if c.lower() == name] for name in ("time", "date"))
     if len(times) == len(dates) == 1 and _has_clock(table, times[0]):
         return TimeColumn((dates[0], times[0]))
     if "time" in table.columns:
         return TimeColumn(("time",))
-    candidates = [column for name in NAMES for column in found[name]]
     if len(candidates) == 1:
         return TimeColumn((candidates[0],))
     if candidates:
         problem = f"which column has the times: {', '.join(candidates)}?"
-        hint = "name this column 'time' in the header"
+        hint = f"name it: recording.columns={{time: {candidates[0]}}}"
         raise InputError(problem, where=table.path, hint=hint)
-    hint = f"its columns are {', '.join(table.columns[:12])}: name one of them 'time'"
+    likely = likely_times(table)
+    # A column that may have the times is not passed over.
+    if step is not None and likely is None:
+        return TimeColumn((), step)
+    named = likely or "COLUMN"
+    hint = f"its columns are {', '.join(table.columns[:12])}. If one has the times, name it: "
+    hint += f"recording.columns={{time: {named}}}; else give the step from row to row: "
+    hint += "recording.every=STEP"
     raise InputError("the recording has no column 'time'", where=table.path, hint=hint)
+
+
+def named_times(table: Columns) -> list[str]:
+    """Return the columns with a name for times; ``time`` comes first."""
+    plain = {column: split_header(column)[0] for column in table.columns}
+    # T is a temperature.
+    return [
+        column
+        for name in TIMES
+        for column, bare in plain.items()
+        if bare.lower() == name and bare != "T"
+    ]
+
+
+def likely_times(table: Columns) -> str | None:
+    """Return the first column whose cells may be increasing times or dates, if there is one."""
+    for column in table.columns:
+        cells = [cell for cell in table.texts(column) if cell]
+        numbers = [float(cell) for cell in cells if is_number(cell)]
+        if len(numbers) == len(cells) > 1 and all(a < b for a, b in pairwise(numbers)):
+            return column
+        if cells and all(map(_is_date, cells[:FEW])):
+            return column
+    return None
+
+
+def episode_column(table: Columns, times: NDArray[np.float64], time: TimeColumn) -> str | None:
+    """Return the first column that changes exactly where the times start again, if there is one."""
+    restarts = np.flatnonzero(times[1:] < times[:-1])
+    if not restarts.size:
+        return None
+    for column in table.columns:
+        cells = np.array(table.texts(column))
+        changes = np.flatnonzero(cells[1:] != cells[:-1])
+        if column not in time.columns and np.array_equal(changes, restarts):
+            return column
+    return None
+
+
+def _is_date(cell: str) -> bool:
+    return bool(CLOCK.fullmatch(cell) or ISO.match(cell) or LOCAL.fullmatch(cell))
 
 
 def read_times(table: Columns, column: TimeColumn, stated: StatedUnits) -> NDArray[np.float64]:
@@ -85,10 +142,12 @@ def read_times(table: Columns, column: TimeColumn, stated: StatedUnits) -> NDArr
         InputError: a cell is neither a number nor a date like the first one, or the unit of time
             is not known.
     """
+    if not column.columns:
+        return column.step * np.arange(len(table), dtype=np.float64)
     cells = _joined(table, column)
     first = next((cell for cell in cells if cell), "")
     header = table.units.get(column.last)
-    if not (CLOCK.fullmatch(first) or ISO.match(first) or LOCAL.fullmatch(first)):
+    if not _is_date(first):
         convert = stated.state(TIME, header, table.header_location(column.last), "time")
         return convert(table.numbers(column.last))
     unit = stated.system.units.get(TIME, "s")

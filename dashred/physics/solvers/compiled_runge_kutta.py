@@ -82,7 +82,7 @@ class CompiledRungeKutta:
             by_row,
             sampled_forcing.knots.numpy(),
             sampled_forcing.values.permute(1, 2, 0).contiguous().numpy(),
-            self.tableau.matrix(),
+            np.array(self.tableau.square),
             np.array(self.tableau.b),
             np.array(self.tableau.c),
         )

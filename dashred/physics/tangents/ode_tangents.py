@@ -79,7 +79,7 @@ def tangent_ode(
         np.array([step.t for step in steps], dtype=np.float64),
         np.array([step.h for step in steps], dtype=np.float64),
         np.array([step.ends for step in steps], dtype=np.bool_),
-        tableau.matrix(),
+        np.array(tableau.square),
         np.array(tableau.b),
         np.array(tableau.c),
         states,

@@ -9,12 +9,11 @@ from typing import Any
 from dashred.config import Config
 from dashred.core.errors import InputError
 from dashred.data.episodes import Episodes
-from dashred.data.io.csv_table import read_table
 from dashred.data.io.in_memory import RECORDING, SENSORS, read_in_memory, table_of_sensors
-from dashred.data.io.read_csv import episodes_of_table
+from dashred.data.io.read_csv import episodes_of_file
 from dashred.data.io.table_dialect import TABLES
 from dashred.physics.system import System
-from dashred.pipeline.problem import read_recorded
+from dashred.pipeline.read_recorded import layout_of_table, read_recorded
 
 
 def recording_overrides(recording: Any, sensors: Any) -> dict[str, Any]:
@@ -46,7 +45,7 @@ def read_recording(recording: Any, sensors: Any, config: Config, system: System)
     table = configured if is_path(sensors) or sensors is None else sensors
     if recording is not None and not is_path(recording):
         table = None if isinstance(table, int) else table
-        return read_in_memory(recording, table, system, config.recording.ignore)
+        return read_in_memory(recording, table, system, layout_of_table(config))
     path = config.recording.path
     if path is None:
         if sensors is not None:
@@ -58,8 +57,7 @@ def read_recording(recording: Any, sensors: Any, config: Config, system: System)
     if Path(path).suffix.lower() not in TABLES:
         what = "a NetCDF recording describes its sensors itself, but sensors= is given"
         raise InputError(what, where=path, hint="omit sensors=")
-    ignored = config.recording.ignore
-    return episodes_of_table(read_table(path), table_of_sensors(table), system, ignored)
+    return episodes_of_file(path, table_of_sensors(table), system, layout_of_table(config))
 
 
 def is_path(given: object) -> bool:

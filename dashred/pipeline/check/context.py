@@ -21,9 +21,9 @@ from dashred.physics.system import System, Term
 from dashred.pipeline.problem import (
     Problem,
     build_problem,
-    read_recorded,
     with_readings_of_state,
 )
+from dashred.pipeline.read_recorded import read_recorded
 
 # Random stream for sensor positions. It is separate from the twins' streams, so that a check says
 # nothing about the sensors of a twin.

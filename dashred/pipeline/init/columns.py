@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import keyword
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dashred.config.schema.types import NAME
 from dashred.core.errors import InputError
-from dashred.data.io.csv_table import Table, is_number, read_table
+from dashred.data.io.csv_table import Table, is_number, read_recording_table, read_table
 from dashred.data.io.reader import read_episodes
+from dashred.data.io.table_layout import TableLayout
 from dashred.data.io.time_column import find_time_column
 from dashred.data.recording import Recording
 from dashred.data.sensors import RESERVED
-from dashred.physics.expressions.parser import RESERVED as LANGUAGE
+from dashred.pipeline.init.layout import guess_layout, has_numbers, is_usable
 
 SENSOR_COLUMNS = ("name", "field", "std", "unit")
 # Grid points of an axis by the number of axes.
@@ -86,30 +86,37 @@ class GuessedSystem:
         return lambda key: key
 
 
-def read_recording(path: str, sensors_table: str | None) -> tuple[GuessedSystem, list[Recording]]:
-    """Read a recording without a configuration; return the guessed system and the episodes.
+def read_recording(
+    path: str, sensors_table: str | None
+) -> tuple[GuessedSystem, list[Recording], TableLayout]:
+    """Read a recording without a configuration.
+
+    Returns:
+        The guessed system, the episodes, and names of the columns where those of the file are
+        missing or cannot be used.
 
     Raises:
         InputError: the recording or the sensor table is invalid, or a name cannot be used in an
             equation.
     """
-    table = read_table(path)
-    times = find_time_column(table).columns
+    layout = guess_layout(path, is_ode=sensors_table is None)
+    table = read_recording_table(path, layout)
+    times = find_time_column(table, layout.step).columns
     if sensors_table is None:
         guessed = _system_from_columns(table, times)
     else:
         guessed = _system_from_sensors(read_table(sensors_table))
-    texts = [column for column in table.columns if _is_text(table, column)]
+    texts = [column for column in table.columns if not has_numbers(table, column)]
     ignored = [column for column in texts if column not in (*RESERVED, *times)]
     # The recording is read again below. Free the first copy, because it may be large.
     del table
-    episodes = read_episodes(path, sensors_table, guessed, ignored).episodes
-    return guessed, [episode.recording for episode in episodes]
+    read = read_episodes(path, sensors_table, guessed, replace(layout, ignored=ignored))
+    return guessed, [episode.recording for episode in read.episodes], layout
 
 
 def _system_from_columns(table: Table, times: Sequence[str]) -> GuessedSystem:
     others = [column for column in table.columns if column not in (*RESERVED, *times)]
-    fields = tuple(column for column in others if not _is_text(table, column))
+    fields = tuple(column for column in others if has_numbers(table, column))
     if not fields:
         raise InputError("there is no column of numbers besides time", where=table.path)
     if len(fields) > MAX_FIELDS:
@@ -118,12 +125,6 @@ def _system_from_columns(table: Table, times: Sequence[str]) -> GuessedSystem:
         raise InputError(what, where=f"{table.path}:{table.header}", hint=f"{hint} (see --help)")
     _check_names(fields, "column", f"{table.path}:{table.header}")
     return GuessedSystem((), fields)
-
-
-def _is_text(table: Table, column: str) -> bool:
-    """Return whether a column begins with a text, such as a remark or the name of a state."""
-    first = next((cell for cell in table.texts(column) if cell), "")
-    return not is_number(first)
 
 
 def _system_from_sensors(table: Table) -> GuessedSystem:
@@ -180,14 +181,11 @@ def _rounded_up(value: float) -> float:
 
 def _check_names(names: Sequence[str], kind: str, where: str) -> None:
     for name in names:
-        if not NAME.match(name):
-            what = f"the {kind} {name!r} cannot be a name in an equation"
-            hint = (
-                "use letters, digits and _, with a letter first; a unit goes in [ ]: 'theta [rad]'"
-            )
-        elif keyword.iskeyword(name) or name in LANGUAGE:
+        if is_usable(name):
+            continue
+        what = f"the {kind} {name!r} cannot be a name in an equation"
+        hint = "use letters, digits and _, with a letter first; a unit goes in [ ]: 'theta [rad]'"
+        if NAME.match(name):
             what = f"the {kind} {name!r} has another meaning in an equation"
             hint = f"rename it in the header, for example to {name}_0"
-        else:
-            continue
         raise InputError(what, where=where, hint=hint)

@@ -64,13 +64,14 @@ def main(argv: list[str]) -> int:
     from dashred.pipeline.init.document import document
     from dashred.pipeline.init.guess import guess_values, longest_episode
 
-    guessed, episodes = read_recording(path, table)
+    guessed, episodes, layout = read_recording(path, table)
     text = document(
         guessed,
         longest_episode(episodes),
         guess_values(guessed, episodes),
         _relative_path(output, path),
         None if table is None else _relative_path(output, table),
+        layout,
         str(output),
     )
     _check_loads(text, output, path)

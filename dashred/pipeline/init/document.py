@@ -9,6 +9,7 @@ from dashred.config.checks.placeholders import TO_DO
 from dashred.config.schema.types import NAME
 from dashred.config.source import SCALARS
 from dashred.core.templates import render
+from dashred.data.io.table_layout import TableLayout
 from dashred.data.recording import Recording
 from dashred.data.resampling import coarser_step, native_step
 from dashred.physics.expressions.functions import FUNCTIONS
@@ -25,6 +26,7 @@ def document(
     guess: GuessedValues,
     path: str,
     table: str | None,
+    layout: TableLayout,
     name: str,
 ) -> str:
     """Return the configuration as YAML.
@@ -35,6 +37,7 @@ def document(
         guess: values guessed from the recording.
         path: path of the recording, relative to the configuration.
         table: path of the sensor table, relative to the configuration; None without a table.
+        layout: names of the columns.
         name: path of the configuration, as in a command.
     """
     # With a shorter step most values would be missing.
@@ -51,6 +54,7 @@ def document(
         uneven=uneven,
         path=path,
         table=table,
+        layout=layout,
         name=name,
         title=_title(path),
         to_do=TO_DO,

@@ -228,8 +228,9 @@ def other_laws(findings: Mapping[str, Any]) -> list[str]:
         listed = "; ".join(f"{alternative_text(r)} (ΔBIC {_difference(r)})" for r in rivals)
         others_fit = "Another law fits" if len(rivals) == 1 else "Other laws fit"
         lines.append(f"{others_fit} about as well: {listed}.")
-    elif others and not equal:
-        nearest = min(others, key=lambda other: other["delta_bic"])
+    laws = [other for other in others if other["terms"] or findings["terms"]]
+    if laws and not equal and not rivals:
+        nearest = min(laws, key=lambda other: other["delta_bic"])
         lines.append(
             f"The next best explanation, {alternative_text(nearest)}, "
             f"is worse by ΔBIC {_difference(nearest)}."

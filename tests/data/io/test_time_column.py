@@ -15,6 +15,7 @@ from dashred.data.io.csv_table import read_table
 from dashred.data.io.in_memory import read_in_memory
 from dashred.data.io.reader import read_recording
 from dashred.data.io.stated_units import StatedUnits
+from dashred.data.io.table_layout import TableLayout
 from dashred.data.io.time_column import find_time_column, read_times
 
 Write = Callable[[str, str], str]
@@ -119,6 +120,6 @@ def test_an_empty_cell_is_reported_at_its_column(write: Write, ode: Any) -> None
 def test_a_data_frame_with_dates(ode: Any) -> None:
     clock = pd.date_range("2024-05-31 22:00", periods=24, freq="15min")
     frame = pd.DataFrame({"time": clock, "u": np.arange(24.0)})
-    recording = read_in_memory(frame, None, ode).single("recording")
+    recording = read_in_memory(frame, None, ode, TableLayout()).single("recording")
     np.testing.assert_allclose(recording.times, QUARTERS)
     assert recording.units == {"t": "s"}

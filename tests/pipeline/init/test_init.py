@@ -117,22 +117,53 @@ def test_a_file_that_is_there_is_left_as_it_is(tmp_path: Path) -> None:
     assert output.read_text() == "mine"
 
 
+def test_two_columns_of_times_are_refused(tmp_path: Path) -> None:
+    path = swing_csv(tmp_path, "Time,angle,Date")
+    with pytest.raises(InputError, match="which column has the times"):
+        command.main([f"path={path}", f"output={tmp_path / 'mine.yaml'}"])
+    assert not (tmp_path / "mine.yaml").exists()
+
+
 @pytest.mark.parametrize(
-    ("header", "says"),
+    ("header", "columns"),
     [
-        ("Time,angle,Date", "which column has the times"),
-        ("time,lambda,speed", "lambda"),
-        ("time,angle (rad),speed", r"cannot be a name in an equation"),
-        ("time,angle,t", "'t' has another meaning"),
+        ("time,lambda,speed", {"lambda_0": "lambda"}),
+        ("Time (s),angle (rad),wind speed", {"wind_speed": "wind speed"}),
+        ("time,angle,t", {"t_0": "t"}),
+        ("x-axis,angle,1", {"time": "x-axis", "u_1": "1"}),
+        ("time,Größe,a.b", {"Groe": "Größe", "a_b": "a.b"}),
     ],
 )
-def test_headers_that_no_equation_can_hold_are_refused(
-    tmp_path: Path, header: str, says: str
+def test_headers_that_no_equation_can_hold_get_another_name(
+    tmp_path: Path, header: str, columns: dict[str, str]
 ) -> None:
-    with pytest.raises(InputError) as told:
-        command.main([f"path={swing_csv(tmp_path, header)}", f"output={tmp_path / 'mine.yaml'}"])
-    assert says in str(told.value)
-    assert not (tmp_path / "mine.yaml").exists()
+    config, _ = written(tmp_path, f"path={swing_csv(tmp_path, header)}")
+    assert config.recording.columns == columns
+    assert set(columns) - {"time"} <= set(config.system.fields)
+
+
+def test_a_table_without_names_gets_some(tmp_path: Path) -> None:
+    path = Path(swing_csv(tmp_path))
+    path.write_text(path.read_text().split("\n", 1)[1])
+    config, _ = written(tmp_path, f"path={path}")
+    assert config.recording.columns == ["time", "u1", "u2"]
+    assert list(config.system.fields) == ["u1", "u2"]
+
+
+def test_a_table_without_times_asks_for_its_step(tmp_path: Path) -> None:
+    rows = "".join(f"{math.cos(0.1 * i):.3f},{math.sin(0.1 * i):.3f}\n" for i in range(60))
+    (tmp_path / "steps.csv").write_text("u,V1\n" + rows)
+    config, text = written(tmp_path, f"path={tmp_path / 'steps.csv'}")
+    assert config.recording.every == 1.0
+    assert "TO DO: the file has no times" in text
+
+
+def test_runs_below_each_other_are_episodes(tmp_path: Path) -> None:
+    rows = [f"{run};{0.1 * i:.1f};{math.cos(0.1 * i):.3f}" for run in "ab" for i in range(40)]
+    (tmp_path / "runs.csv").write_text("\n".join(["Subject;Time (min);x", *rows, ""]))
+    config, _ = written(tmp_path, f"path={tmp_path / 'runs.csv'}")
+    assert config.recording.columns == {"episode": "Subject"}
+    assert config.system.units == {"t": "min"}
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,67 @@
+"""The header of a table: names of the columns, and their units."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Collection
+
+from dashred.core.errors import InputError
+from dashred.core.units import check_unit
+from dashred.data.io.table_layout import split_header
+from dashred.data.sensors import check_names
+
+NUMBER = re.compile(r"[+-]?\d+(\.\d*)?")
+# Names that an error message lists.
+FEW = 6
+
+
+def read_header(
+    cells: list[str], where: str, used: Collection[str] = ()
+) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Return the names of the columns, and the units of those that have one.
+
+    Args:
+        cells: the headers.
+        where: location of the header.
+        used: headers that are names as they stand.
+
+    Raises:
+        InputError: a column has no name, or one that was used before, or an empty unit.
+    """
+    headers = _split_units(cells, used)
+    columns = tuple(name for name, _ in headers)
+    if "" in columns:
+        problem = f"column {columns.index('') + 1} has no name"
+        raise InputError(problem, where=where, hint="the first line must name every column")
+    check_names(columns, where)
+    return columns, {
+        name: check_unit(unit, f"column {name!r}", where)
+        for name, unit in headers
+        if unit is not None
+    }
+
+
+def _split_units(cells: list[str], used: Collection[str]) -> list[tuple[str, str | None]]:
+    """Separate names and units; the numbers in ``u[0],u[1]`` belong to the names.
+
+    ``u [1]`` is dimensionless, unless another column is named u with a number in brackets. Headers
+    that would have the same name without their units in ( ) keep them.
+    """
+    headers = [split_header(cell) for cell in cells]
+    numbered = Counter(name for name, unit in headers if unit and NUMBER.fullmatch(unit))
+    repeated = Counter(name for name, _ in headers)
+    return [
+        (cell.strip(), None)
+        if cell.strip() in used
+        or (unit and NUMBER.fullmatch(unit) and (unit != "1" or numbered[name] > 1))
+        or (cell.endswith(")") and repeated[name] > 1)
+        else (name, unit)
+        for cell, (name, unit) in zip(cells, headers, strict=True)
+    ]
+
+
+def example_names(count: int) -> list[str]:
+    """Return examples of names for so many columns."""
+    names = ["time", *(f"u{i}" for i in range(1, count))]
+    return names if count <= FEW else [*names[:FEW], "..."]

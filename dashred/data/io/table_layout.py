@@ -1,0 +1,73 @@
+"""What a configuration says about the table of a recording: names, columns left out, the step."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from dashred.core.errors import InputError, nearest
+from dashred.core.unit_conversion import is_known_unit
+from dashred.core.units import split_unit
+
+# Names of a column of times, in any capitalisation; ``time`` itself comes first.
+TIMES = ("time", "t", "times", "timestamp", "datetime", "date")
+LETTERS_OF_TEMPERATURE = ("C", "F")
+
+
+@dataclass(frozen=True)
+class TableLayout:
+    """What is known of a table before it is read.
+
+    Attributes:
+        every_name: names of all columns, for a table without a header; None if it has one.
+        headers: header of a column in the file, by the name that it has here.
+        ignored: columns that are not read.
+        step: time from row to row, for a table without times.
+        used: names of columns in the configuration and in the table of sensors. A header that is
+            one of these is a name as it stands, ``T (degC)``, and not a name with its unit.
+    """
+
+    every_name: tuple[str, ...] | None = None
+    headers: Mapping[str, str] = field(default_factory=dict)
+    ignored: Collection[str] = ()
+    step: float | None = None
+    used: Collection[str] = ()
+
+    def rename(self, headers: Sequence[str], where: str) -> list[str]:
+        """Return the headers with the names of the configuration in place of those in the file.
+
+        The unit of a header remains: ``Time (s)`` becomes ``time [s]``.
+
+        Raises:
+            InputError: the file does not have one of the headers.
+        """
+        renamed = [header.strip() for header in headers]
+        plain = [split_header(header)[0] for header in renamed]
+        for name, header in self.headers.items():
+            if header in renamed:
+                place = renamed.index(header)
+            elif header in plain:
+                place = plain.index(header)
+            else:
+                problem = f"recording.columns: the recording has no column {header!r}"
+                raise InputError(problem, where=where, hint=nearest(header, renamed))
+            unit = split_header(headers[place])[1]
+            renamed[place] = name if unit is None else f"{name} [{unit}]"
+        return renamed
+
+
+def split_header(header: str) -> tuple[str, str | None]:
+    """Split a header from its unit, which stands in ``[ ]`` or, if it is a known one, in ``( )``.
+
+    ``(C)`` and ``(F)`` are rarely a coulomb and a farad; they are left out.
+    """
+    name, unit = split_unit(header)
+    before, _, rest = name.rpartition("(")
+    written = rest[:-1].strip()
+    # f(t) is a name.
+    is_apart = before.endswith(" ") or before.lower() in TIMES
+    if unit is not None or not before.strip() or not is_apart or not rest.endswith(")"):
+        return name, unit
+    if written in LETTERS_OF_TEMPERATURE:
+        return before.strip(), None
+    return (before.strip(), written) if is_known_unit(written) else (name, None)

@@ -1,0 +1,101 @@
+"""Guess the names of the columns of a table whose own names are missing or cannot be used."""
+
+from __future__ import annotations
+
+import keyword
+import re
+import unicodedata
+from collections.abc import Collection
+
+import numpy as np
+
+from dashred.config.schema.types import NAME
+from dashred.data.io.csv_table import (
+    Table,
+    count_unnamed,
+    is_number,
+    read_recording_table,
+)
+from dashred.data.io.table_layout import TableLayout
+from dashred.data.io.time_column import (
+    TimeColumn,
+    episode_column,
+    find_time_column,
+    likely_times,
+    named_times,
+)
+from dashred.data.sensors import RESERVED
+from dashred.physics.expressions.parser import RESERVED as LANGUAGE
+
+# Time from row to row of a table without times, until the user gives it.
+STEP = 1.0
+
+
+def guess_layout(path: str, is_ode: bool) -> TableLayout:
+    """Return names for the columns of a recording.
+
+    A table without a header gets the names time, u1, u2, and so on. A column that may have the
+    times is named time. If the columns are the fields of an ODE, names that cannot be used in an
+    equation are changed: ``wind speed`` to ``wind_speed``.
+
+    Args:
+        path: of the recording.
+        is_ode: whether the columns are the fields of an ODE.
+
+    Raises:
+        InputError: the table is invalid.
+    """
+    if count := count_unnamed(path):
+        names = tuple(f"u{i}" for i in range(count))
+        found = likely_times(read_recording_table(path, TableLayout(names)))
+        renamed = tuple("time" if name == found else name for name in names)
+        return TableLayout(renamed, step=None if found else STEP)
+    table = read_recording_table(path, TableLayout())
+    headers: dict[str, str] = {}
+    likely = None if named_times(table) else likely_times(table)
+    if likely is None:
+        time = find_time_column(table, STEP)
+    else:
+        headers["time"], time = likely, TimeColumn((likely,))
+    times = time.columns
+    if "episode" not in table.columns and (runs := _runs(table, time)) is not None:
+        headers["episode"], times = runs, (*times, runs)
+    if is_ode:
+        taken = {*RESERVED, *times, *table.columns}
+        for column in table.columns:
+            if column not in (*RESERVED, *times) and has_numbers(table, column):
+                name = _usable(column, taken)
+                if name != column:
+                    headers[name] = column
+                    taken.add(name)
+    return TableLayout(headers=headers, step=None if time.columns else STEP)
+
+
+def _runs(table: Table, time: TimeColumn) -> str | None:
+    """Return the column that tells several runs apart, if their times are numbers."""
+    cells = table.texts(time.last) if time.columns else []
+    if not all(cell and is_number(cell) for cell in cells):
+        return None
+    return episode_column(table, np.array([float(cell) for cell in cells]), time)
+
+
+def has_numbers(table: Table, column: str) -> bool:
+    """Return whether the first value of a column is a number, and not a remark for example."""
+    first = next((cell for cell in table.texts(column) if cell), None)
+    return first is not None and is_number(first)
+
+
+def is_usable(name: str) -> bool:
+    """Return whether a name can stand in an equation."""
+    return bool(NAME.match(name)) and not keyword.iskeyword(name) and name not in LANGUAGE
+
+
+def _usable(column: str, taken: Collection[str]) -> str:
+    """Return the name of a column, changed if it cannot stand in an equation."""
+    if is_usable(column):
+        return column
+    plain = unicodedata.normalize("NFKD", column).encode("ascii", "ignore").decode()
+    name = re.sub(r"\W+", "_", plain).strip("_") or "u"
+    name = name if name[0].isalpha() else f"u_{name}"
+    candidates = [name, *(f"{name}_{i}" for i in range(len(taken) + 1))]
+    return next(name for name in candidates if is_usable(name) and name not in taken)

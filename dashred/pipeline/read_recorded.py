@@ -1,0 +1,32 @@
+"""Read the recording of a configuration."""
+
+from __future__ import annotations
+
+from dashred.config import Config
+from dashred.core.column_names import parse_columns
+from dashred.data.episodes import Episodes
+from dashred.data.io.reader import read_episodes
+from dashred.data.io.table_layout import TableLayout
+from dashred.physics.system import System
+
+
+def read_recorded(config: Config, system: System) -> Episodes:
+    """Read the recording at ``recording.path``.
+
+    Raises:
+        InputError: the recording is invalid.
+    """
+    assert config.recording.path is not None
+    table = config.recording.sensors if isinstance(config.recording.sensors, str) else None
+    return read_episodes(config.recording.path, table, system, layout_of_table(config))
+
+
+def layout_of_table(config: Config) -> TableLayout:
+    """Return what the configuration says about the table of the recording.
+
+    Raises:
+        InputError: ``recording.columns`` is invalid.
+    """
+    recording = config.recording
+    names, headers = parse_columns(recording.columns, config.where("recording.columns"))
+    return TableLayout(names, headers, recording.ignore, recording.every)

@@ -1,0 +1,152 @@
+"""Tables as loggers write them: other lines about the header, no header, no times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from dashred.core.column_names import parse_columns
+from dashred.core.errors import InputError
+from dashred.data.io.csv_table import Table, count_unnamed, read_recording_table
+from dashred.data.io.reader import read_episodes
+from dashred.data.io.table_layout import TableLayout, split_header
+
+Write = Callable[[str, str], str]
+ROWS = "0.0,1.5,2\n0.1,1.25,3\n"
+
+
+def read(write: Write, text: str, layout: TableLayout | None = None) -> Table:
+    return read_recording_table(write("r.csv", text), layout or TableLayout())
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "time,u,v\n",
+        "time,u,v\nsecond,volt,volt\n",
+        "A logger of 2024\n\nserial number 17\ntime,u,v\n",
+        '"TOA5","Station","CR1000","12"\n"time","u","v"\n"s","V","V"\n"","Avg","Avg"\n',
+        "Run #1,Run #1,Run #1\ntime,u,v\n",
+        "# a comment\ntime,u,v\n",
+        "# time,u,v\n",
+    ],
+)
+def test_the_header_is_found_between_other_lines(write: Write, head: str) -> None:
+    table = read(write, head + ROWS)
+    assert table.columns == ("time", "u", "v")
+    np.testing.assert_array_equal(table.numbers("u"), [1.5, 1.25])
+    last = head.count("\n") + 2
+    assert table.location(1, "u") == f"{table.path}:{last}, column 'u'"
+
+
+def test_the_line_below_the_header_has_units(write: Write) -> None:
+    table = read(write, "time,u [V],v,w\nsecond,mV,-,m/s\n0,1,2,3\n1,2,3,4\n")
+    assert table.units == {"time": "second", "u": "V", "w": "m/s"}
+
+
+def test_a_row_with_a_text_in_front_is_a_row(write: Write) -> None:
+    table = read(write, "note,time,u\nbegin,0,1\n5,1,2\n")
+    assert table.texts("note") == ["begin", "5"]
+
+
+@pytest.mark.parametrize("end", [",", "\t", ";"])
+def test_a_separator_at_the_end_of_each_line_is_left_out(write: Write, end: str) -> None:
+    rows = "".join(f"{line}{end}\n" for line in ("time,u", "0,1", "1,2"))
+    table = read(write, rows.replace(",", end))
+    assert table.columns == ("time", "u")
+    named = read(write, "0,1,\n1,2,\n", TableLayout(("time", "u")))
+    np.testing.assert_array_equal(named.numbers("u"), [1, 2])
+
+
+def test_a_table_without_names_says_how_to_give_them(write: Write) -> None:
+    with pytest.raises(InputError, match="the columns have no names") as told:
+        read(write, ROWS)
+    assert told.value.hint == "give them: recording.columns=[time, u1, u2]"
+    assert count_unnamed(write("r.csv", ROWS)) == 3
+    assert count_unnamed(write("r.csv", "time,u,v\n" + ROWS)) == 0
+    table = read(write, ROWS, TableLayout(("time", "a", "b [m]")))
+    assert table.columns == ("time", "a", "b")
+    assert table.units == {"b": "m"}
+    assert len(table) == 2
+
+
+def test_a_list_of_names_replaces_the_header(write: Write) -> None:
+    table = read(write, "x-axis,1,2\nsecond,Volt,Volt\n" + ROWS, TableLayout(("time", "u", "v")))
+    assert table.columns == ("time", "u", "v")
+    assert len(table) == 2
+
+
+def test_columns_are_renamed(write: Write) -> None:
+    layout = TableLayout(headers={"time": "Zeit", "T": "Temperature 1"})
+    table = read(write, "Zeit (s),Temperature 1 (degC),v\n" + ROWS, layout)
+    assert table.columns == ("time", "T", "v")
+    assert table.units == {"time": "s", "T": "degC"}
+    with pytest.raises(InputError, match="the recording has no column 'Zeitt'") as told:
+        read(write, "Zeit,u,v\n" + ROWS, TableLayout(headers={"time": "Zeitt"}))
+    assert told.value.hint == "did you mean Zeit?"
+
+
+@pytest.mark.parametrize(
+    ("header", "expected"),
+    [
+        ("T (degC)", ("T", "degC")),
+        ("Time(s)", ("Time", "s")),
+        ("v [m/s]", ("v", "m/s")),
+        ("T (C)", ("T", None)),
+        ("T (indoor)", ("T (indoor)", None)),
+        ("f(t)", ("f(t)", None)),
+        ("(s)", ("(s)", None)),
+    ],
+)
+def test_a_unit_may_stand_in_parentheses(header: str, expected: tuple[str, str | None]) -> None:
+    assert split_header(header) == expected
+
+
+def test_headers_that_are_used_or_would_be_the_same_stay_as_they_are(write: Write) -> None:
+    table = read(write, "time,T (K),T (degC)\n" + ROWS)
+    assert table.columns == ("time", "T (K)", "T (degC)")
+    used = read(write, "time,T (K),v\n" + ROWS, TableLayout(used=("T (K)",)))
+    assert used.columns == ("time", "T (K)", "v")
+
+
+def test_rows_without_times_have_a_constant_step(write: Write, ode) -> None:
+    text = "u,v\n" + "".join(f"{i % 7}.5,{i % 3}\n" for i in range(30))
+    with pytest.raises(InputError, match="no column 'time'"):
+        read_episodes(write("r.csv", text), None, ode)
+    found = read_episodes(write("r.csv", text), None, ode, TableLayout(step=0.25))
+    np.testing.assert_allclose(found.single("r").times, 0.25 * np.arange(30))
+
+
+def test_the_column_with_the_times_is_suggested(write: Write, ode) -> None:
+    text = "u,x-axis,v\n" + "".join(f"{i % 4},{0.1 * i},1\n" for i in range(30))
+    with pytest.raises(InputError) as told:
+        read_episodes(write("r.csv", text), None, ode)
+    assert "recording.columns={time: x-axis}" in str(told.value.hint)
+
+
+def test_the_column_of_the_episodes_is_suggested(write: Write, ode) -> None:
+    rows = [f"{run},{0.1 * i},{i % 5}" for run in ("a", "b") for i in range(30)]
+    path = write("r.csv", "\n".join(["Subject,time,u", *rows, ""]))
+    with pytest.raises(InputError, match="start again, where 'Subject' changes") as told:
+        read_episodes(path, None, ode)
+    assert told.value.hint == "if these are several episodes: recording.columns={episode: Subject}"
+    found = read_episodes(path, None, ode, TableLayout(headers={"episode": "Subject"}))
+    assert [episode.name for episode in found.episodes] == ["a", "b"]
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [
+        ("time", "neither a list nor a mapping"),
+        ([], "neither a list nor a mapping"),
+        (["time", ""], "'' is not the name of a column"),
+        (["time", "u", "u"], "contains 'u' twice"),
+        ({"time": 3}, "3 is not the name of a column"),
+        ({"time": "t", "u": "t"}, "contains 't' twice"),
+    ],
+)
+def test_columns_that_cannot_be_are_refused(columns: object, says: str) -> None:
+    with pytest.raises(InputError, match=says):
+        parse_columns(columns, "c.yaml:3")
