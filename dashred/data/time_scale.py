@@ -14,7 +14,7 @@ from dashred.data.resampling import native_step
 # This many samples per period resolve a wave; more add little information.
 SAMPLES_PER_PERIOD = 16
 # A suggested step keeps at least this many samples.
-MIN_SAMPLES_KEPT = 100
+MIN_SAMPLES_KEPT = 150
 # A change is lost if a reading is farther from its interpolation than this many noise σ, plus this
 # share of the std of its trace. Smaller ones are sensor faults, or errors of the interpolation.
 LOST, LOST_SHARE = 6.0, 0.1
@@ -52,9 +52,9 @@ def suggested_step(
 ) -> float | None:
     """Return a round step of at most 1/16 of the fastest sensor's period.
 
-    The step leaves at least a hundred samples, and no change between its samples that is far above
-    the noise: a short transient may be all that shows a fast process. The result is None if the
-    step is shorter than two steps of the recording.
+    The step leaves at least 150 samples, and no change between its samples that is far
+    above the noise: a short transient may be all that shows a fast process. The result is None if
+    the step is shorter than two steps of the recording.
 
     Args:
         recording: sampled at nearly equal steps.

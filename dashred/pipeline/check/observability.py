@@ -123,6 +123,10 @@ def _by_field(context: CheckContext, observed: Observability) -> Iterator[Remark
             yield Remark(f"{field}{by} is observed: {ratio:.0%} of its prior std remains")
         elif ratio <= UNOBSERVED:
             yield Remark(f"{field}{by} is partly observed: {ratio:.0%} of its prior std remains")
+        elif field in read:
+            yield Remark(
+                f"{field} starts as system.spread tells it: its sensor alone knows this less well"
+            )
         else:
             yield warning(
                 f"{field}{by} is not observed: {ratio:.0%} of its prior std remains",

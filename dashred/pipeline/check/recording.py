@@ -29,6 +29,8 @@ MANY_MISSING, MANY_REPEATED = 0.1, 0.5
 MAX_NOISE_RATIO = 3.0
 # Noise over standard deviation of a trace that causes a warning.
 NOISY = 0.5
+# Below this share the last digits of a number make the noise.
+NO_NOISE = 1e-5
 # Numbers of samples on the analysis clock that are many, and that are few.
 MANY_SAMPLES, FEW_SAMPLES = 2000, 60
 
@@ -46,18 +48,22 @@ def recording_remarks(context: CheckContext) -> Iterator[Remark]:
     if context.others:
         yield Remark(f"This is the longest of {len(context.others) + 1} episodes")
     every = context.config.recording.every
-    yield from _irregular_steps(recording)
-    yield from _defects(recording, every)
+    # The readings of an ODE are compared at their own times.
+    is_moved = bool(context.system.axes) or every is not None
+    if is_moved:
+        yield from _irregular_steps(recording)
+    yield from _defects(recording, every, is_moved)
     estimated = _estimated_noise(recording)
     yield from _noise_remarks(recording, estimated)
     yield from _sampling_remarks(context, recording, estimated)
     for name, other in context.others.items():
-        for remark in _defects(other, every):
+        for remark in _defects(other, every, is_moved):
             yield replace(remark, text=f"Episode {name}: {remark.text}")
 
 
-def _defects(recording: Recording, every: float | None) -> Iterator[Remark]:
-    yield from _gaps(recording, every)
+def _defects(recording: Recording, every: float | None, is_moved: bool) -> Iterator[Remark]:
+    """Describe the defects; ``is_moved`` tells whether the samples are moved to a clock."""
+    yield from _gaps(recording, every, is_moved)
     yield from _missing(recording)
     yield from _sentinels(recording)
     yield from _repeated(recording)
@@ -85,11 +91,12 @@ def _irregular_steps(recording: Recording) -> Iterator[Remark]:
         )
 
 
-def _gaps(recording: Recording, every: float | None) -> Iterator[Remark]:
+def _gaps(recording: Recording, every: float | None, is_moved: bool) -> Iterator[Remark]:
     step, steps = native_step(recording.times), np.diff(recording.times)
     step = max(step, every or 0.0)
     gaps = np.flatnonzero(steps > MAX_GAP * step)
-    if not gaps.size:
+    # Many gaps are an uneven sampling, which is only lost on a clock.
+    if not gaps.size or (gaps.size >= MANY_GAPS and not is_moved):
         return
     worst = int(gaps[steps[gaps].argmax()])
     episodes = "if the system was restarted there, declare the parts as episodes"
@@ -166,7 +173,9 @@ def _noise_remarks(recording: Recording, estimated: NDArray[np.float64]) -> Iter
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = estimated / varies
     known = shares[np.isfinite(shares)]
-    if known.size:
+    if known.size and known.max() < NO_NOISE:
+        yield Remark("The readings show no noise")
+    elif known.size:
         sizes = dict.fromkeys(f"{100 * float(x):.2g}" for x in (known.min(), known.max()))
         yield Remark(
             f"The noise is about {' to '.join(sizes)} % of the standard deviation of the readings"
@@ -204,9 +213,10 @@ def _sampling_remarks(
                 f"{lags[fastest]} samples in a {SAMPLES_PER_PERIOD}th of its period",
                 f"recording.every={step:g} loses little and makes a run faster",
             )
-    count = len(context.times)
-    if count > MANY_SAMPLES:
-        yield warning(f"{count} samples make a run slow", "set a longer step: recording.every=STEP")
+    count = len(context.times) + sum(len(other.times) for other in context.others.values())
+    if len(context.times) > MANY_SAMPLES:
+        slow = f"{len(context.times)} samples make a run slow"
+        yield warning(slow, "set a longer step: recording.every=STEP")
     elif count < FEW_SAMPLES:
         yield warning(
             f"{count} samples are few for finding a law", "record longer or at a shorter step"
@@ -216,7 +226,9 @@ def _sampling_remarks(
 
 def _correlation_remark(recording: Recording, lags: dict[str, int]) -> Remark:
     """Compare the noise of all samples and of every second one: white noise is equal in both."""
-    fine = recording.select([name for name, lag in lags.items() if lag >= 8])
+    shares = _estimated_noise(recording) / recording.trace_std()
+    names = [name for name, share in zip(recording.names, shares, strict=True) if share > NO_NOISE]
+    fine = recording.select([name for name in names if lags.get(name, 0) >= 8])
     ratios = _estimated_noise(fine) / _estimated_noise(fine, every=2)
     finite = np.isfinite(ratios)
     if not finite.any():

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dashred.config.schema.types import NAME
-from dashred.core.errors import InputError
+from dashred.core.errors import InputError, nearest
 from dashred.data.io.csv_table import Table, is_number, read_recording_table, read_table
 from dashred.data.io.reader import read_episodes
-from dashred.data.io.table_layout import TableLayout
+from dashred.data.io.table_layout import TableLayout, split_header
 from dashred.data.io.time_column import find_time_column
 from dashred.data.recording import Recording
 from dashred.data.sensors import RESERVED
@@ -24,6 +25,8 @@ POINTS = {1: 64, 2: 32}
 # More columns than the first number are probably not the fields of an ODE; more than the second are
 # an error.
 MANY_FIELDS, MAX_FIELDS = 8, 64
+# An input that repeats its value in more than this share of the rows changes in steps.
+HELD = 0.5
 # Key in system.spread of the correlation length of the start, so no field can have this name.
 LENGTH = "length"
 
@@ -59,21 +62,17 @@ class GuessedSystem:
         axes: axes that contain the positions of the sensors; empty for an ODE.
         fields: names of the fields that the sensors read.
         lets: names of the lets, always empty.
+        inputs: column of each input, by name: that of the column.
+        held_inputs: columns of inputs that change in steps.
+        left_out: columns of numbers that are no fields: a counter of the rows, a constant.
     """
 
     axes: tuple[GuessedAxis, ...]
     fields: tuple[str, ...]
     lets: tuple[str, ...] = ()
-
-    @property
-    def inputs(self) -> dict[str, str]:
-        """Empty, because no column is guessed to be an input."""
-        return {}
-
-    @property
-    def held_inputs(self) -> tuple[str, ...]:
-        """Empty, as the inputs."""
-        return ()
+    inputs: dict[str, str] = field(default_factory=dict)
+    held_inputs: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
 
     @property
     def units(self) -> dict[str, str]:
@@ -87,9 +86,14 @@ class GuessedSystem:
 
 
 def read_recording(
-    path: str, sensors_table: str | None
+    path: str, sensors_table: str | None, inputs: Sequence[str] = ()
 ) -> tuple[GuessedSystem, list[Recording], TableLayout]:
     """Read a recording without a configuration.
+
+    Args:
+        path: of the recording.
+        sensors_table: path of the table of sensors; None for an ODE.
+        inputs: columns that are inputs, by their name in the file or in the configuration.
 
     Returns:
         The guessed system, the episodes, and names of the columns where those of the file are
@@ -102,10 +106,14 @@ def read_recording(
     layout = guess_layout(path, is_ode=sensors_table is None)
     table = read_recording_table(path, layout)
     times = find_time_column(table, layout.step).columns
+    driving = {name: name for name in (_input(table, layout, name) for name in inputs)}
+    _check_names([*driving], "input", path)
     if sensors_table is None:
-        guessed = _system_from_columns(table, times)
+        guessed = _system_from_columns(table, (*times, *driving))
     else:
         guessed = _system_from_sensors(read_table(sensors_table))
+    held = tuple(name for name in driving if _changes_in_steps(table.numbers(name)))
+    guessed = replace(guessed, inputs=driving, held_inputs=held)
     texts = [column for column in table.columns if not has_numbers(table, column)]
     ignored = [column for column in texts if column not in (*RESERVED, *times)]
     # The recording is read again below. Free the first copy, because it may be large.
@@ -114,9 +122,34 @@ def read_recording(
     return guessed, [episode.recording for episode in read.episodes], layout
 
 
-def _system_from_columns(table: Table, times: Sequence[str]) -> GuessedSystem:
-    others = [column for column in table.columns if column not in (*RESERVED, *times)]
-    fields = tuple(column for column in others if has_numbers(table, column))
+def _input(table: Table, layout: TableLayout, name: str) -> str:
+    """Return the name of the column of an input."""
+    renamed = {header: own for own, header in layout.headers.items()}
+    for candidate in (name, renamed.get(name), renamed.get(split_header(name)[0])):
+        if candidate in table.columns:
+            return candidate
+    hint = nearest(name, [*table.columns, *renamed])
+    raise InputError(f"the recording has no column {name!r}", where="inputs", hint=hint)
+
+
+def _changes_in_steps(values: NDArray[np.float64]) -> bool:
+    known = values[~np.isnan(values)]
+    return len(known) > 1 and float((np.diff(known) == 0).mean()) > HELD
+
+
+def _counts_rows(values: NDArray[np.float64]) -> bool:
+    """Return whether a column counts the rows: 1, 2, 3."""
+    return len(values) > 1 and bool((np.diff(values) == 1).all()) and values[0] in (0, 1)
+
+
+def _system_from_columns(table: Table, others: Sequence[str]) -> GuessedSystem:
+    """Return an ODE system of all columns of numbers besides some ``others``."""
+    columns = [column for column in table.columns if column not in (*RESERVED, *others)]
+    numbers = [column for column in columns if has_numbers(table, column)]
+    left_out = tuple(column for column in numbers if _is_no_field(table, column))
+    # A recording of a state at rest is one all the same.
+    left_out = left_out if len(left_out) < len(numbers) else ()
+    fields = tuple(column for column in numbers if column not in left_out)
     if not fields:
         raise InputError("there is no column of numbers besides time", where=table.path)
     if len(fields) > MAX_FIELDS:
@@ -124,7 +157,17 @@ def _system_from_columns(table: Table, times: Sequence[str]) -> GuessedSystem:
         hint = "if they are sensors of a field in space, give their positions: sensors=TABLE.csv"
         raise InputError(what, where=f"{table.path}:{table.header}", hint=f"{hint} (see --help)")
     _check_names(fields, "column", f"{table.path}:{table.header}")
-    return GuessedSystem((), fields)
+    return GuessedSystem((), fields, left_out=left_out)
+
+
+def _is_no_field(table: Table, column: str) -> bool:
+    """Return whether a column counts the rows, or is constant in each episode."""
+    values = table.numbers(column)
+    if _counts_rows(values):
+        return True
+    runs = table.texts("episode") if "episode" in table.columns else [""] * len(table)
+    first: dict[str, float] = {}
+    return all(first.setdefault(run, v) == v for run, v in zip(runs, values.tolist(), strict=True))
 
 
 def _system_from_sensors(table: Table) -> GuessedSystem:
@@ -147,11 +190,11 @@ def _system_from_sensors(table: Table) -> GuessedSystem:
         raise InputError("the table has no sensors", where=table.path)
     fields = tuple(dict.fromkeys(table.texts("field")))
     _check_names((*coordinates, *fields), "name", table.path)
-    for field in fields:
-        if field in (*coordinates, LENGTH):
-            meaning = "a coordinate" if field in coordinates else "a key of system.spread"
-            what = f"the field {field!r} has the name of {meaning}"
-            hint = f"rename it in the column 'field', for example to {field}_0"
+    for read in fields:
+        if read in (*coordinates, LENGTH):
+            meaning = "a coordinate" if read in coordinates else "a key of system.spread"
+            what = f"the field {read!r} has the name of {meaning}"
+            hint = f"rename it in the column 'field', for example to {read}_0"
             raise InputError(what, where=table.path, hint=hint)
     return GuessedSystem(
         tuple(_axis(table, name, len(coordinates)) for name in coordinates), fields

@@ -7,7 +7,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from dashred.core.argument_types import read_path
+from dashred.core.argument_types import list_reader, read_path
 from dashred.core.arguments import Command, argument
 from dashred.core.errors import DONE, InputError
 from dashred.data.io.table_dialect import TABLES
@@ -28,6 +28,12 @@ class Arguments:
         "TABLE.csv",
         "table of sensors in space with the columns name (the column of the recording), field, "
         "x or x and y (at least 0) and, if known, std (of the noise)",
+        default=None,
+    )
+    inputs: tuple[str, ...] | None = argument(
+        list_reader(str),
+        "NAME,...",
+        "columns that drive the system, such as a voltage or the weather: inputs, not fields",
         default=None,
     )
     output: Path | None = argument(
@@ -64,7 +70,7 @@ def main(argv: list[str]) -> int:
     from dashred.pipeline.init.document import document
     from dashred.pipeline.init.guess import guess_values, longest_episode
 
-    guessed, episodes, layout = read_recording(path, table)
+    guessed, episodes, layout = read_recording(path, table, words.inputs or ())
     text = document(
         guessed,
         longest_episode(episodes),
@@ -81,6 +87,8 @@ def main(argv: list[str]) -> int:
         what = f"cannot be written: {error.strerror}"
         hint = "choose another file: output=FILE.yaml"
         raise InputError(what, where=str(output), hint=hint) from None
+    if guessed.left_out:
+        print(f"left out: {', '.join(guessed.left_out)} (constant, or a count of the rows)")
     left = text.count(f"# {TO_DO}:")
     print(f"{output}: fields {', '.join(guessed.fields)}; {left} to do")
     if not guessed.axes and len(guessed.fields) > MANY_FIELDS:

@@ -46,6 +46,8 @@ def document(
         TEMPLATE,
         axes=guessed.axes,
         fields=guessed.fields,
+        inputs=guessed.inputs,
+        held=guessed.held_inputs,
         functions=list(FUNCTIONS),
         units=recording.units,
         guess=guess,

@@ -19,7 +19,8 @@ from dashred.pipeline.init.columns import GuessedSystem
 from dashred.pipeline.init.relations import Rate, find_rates
 from dashred.pipeline.init.start import start_expression
 
-# Spread of the start: at least this many σ of the noise, and for an ODE this share of the std.
+# Spread of the start: at least this many σ of the noise, and for an ODE this share of the std, or
+# the change in the first tenth of the record, if that is smaller: growth from nothing.
 NOISE_FACTOR, STD_SHARE = 3.0, 0.1
 
 # A recording of an ODE system with uneven times and more samples than this is moved to a clock.
@@ -62,15 +63,17 @@ def guess_values(guessed: GuessedSystem, episodes: Sequence[Recording]) -> Guess
         firsts = np.stack([_first_values(episode.values[:, selected]) for episode in episodes])
         start[field] = start_expression(guessed.axes, places, np.nanmean(firsts, axis=0))
         std = float(np.nanstd(values))
+        early = max(map(_early_change, values.T))
         between_episodes = float(np.nanmax(np.nanstd(firsts, axis=0)))
         spread[field] = (
             _rounded(
                 max(
                     NOISE_FACTOR * float(noise[selected].max()),
-                    std if guessed.axes else STD_SHARE * std,
+                    std if guessed.axes else min(STD_SHARE * std, early),
                     between_episodes,
                 )
             )
+            or STD_SHARE * std
             or 1.0
         )
     return GuessedValues(
@@ -101,6 +104,12 @@ def _noise(recording: Recording) -> NDArray[np.float64]:
     except InputError:
         # A sensor never changes. The check reports this.
         return np.zeros(len(recording.sensors))
+
+
+def _early_change(values: NDArray[np.float64]) -> float:
+    """Return the range of the first tenth of the known values."""
+    known = values[~np.isnan(values)]
+    return float(np.ptp(known[: max(2, len(known) // 10)]))
 
 
 def _first_values(values: NDArray[np.float64]) -> NDArray[np.float64]:

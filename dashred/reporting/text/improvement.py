@@ -118,8 +118,8 @@ def _predictable(findings: Mapping[str, Any], key: str) -> str:
             before, after = each["before"], each["after"]
             horizon = with_unit(f"{each['horizon']:.3g}", findings.get("units", NO_UNITS).get(TIME))
             return (
-                f" The system is chaotic: errors of a run grow until it is lost. In the first "
-                f"{horizon} of a run the error is {_size(before)} from the best start and "
+                f" Errors of a run grow until it is lost. In the first {horizon} of a run the "
+                f"error is {_size(before)} from the best start and "
                 f"{_size(after)} with the correction: {_factor(before, after)}."
             )
     return ""

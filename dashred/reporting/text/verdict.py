@@ -184,7 +184,7 @@ def law(findings: Mapping[str, Any]) -> list[str]:
     if changed:
         noun = "a parameter has a wrong value" if len(changed) == 1 else "parameters are wrong"
         lines.append(f"{noun}: {'; and '.join(changed)}")
-    lines = [f"{guess if not index else ''}{line}" for index, line in enumerate(lines)]
+    lines = [f"{guess}{line}" for line in lines]
     parts = [*lines, *_main_part(findings), *_also_supported(findings)]
     return [sentence(line) for line in parts]
 

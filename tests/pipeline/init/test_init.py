@@ -150,6 +150,21 @@ def test_a_table_without_names_gets_some(tmp_path: Path) -> None:
     assert list(config.system.fields) == ["u1", "u2"]
 
 
+def test_inputs_counters_and_constants_are_no_fields(tmp_path: Path) -> None:
+    rows = [
+        f"{i + 1},{0.1 * i:.1f},{math.sin(0.1 * i):.3f},{i // 20},{i % 7},3" for i in range(100)
+    ]
+    path = tmp_path / "driven.csv"
+    path.write_text("\n".join(["rownames,time,u,Heater 1 (%),q,Dose", *rows, ""]))
+    config, _ = written(tmp_path, f"path={path}", "inputs=Heater 1 (%),q")
+    assert list(config.system.fields) == ["u"]
+    assert config.system.inputs["Heater_1"].hold
+    assert not config.system.inputs["q"].hold
+    (tmp_path / "mine.yaml").unlink()
+    with pytest.raises(InputError, match="no column 'Heater'"):
+        written(tmp_path, f"path={path}", "inputs=Heater")
+
+
 def test_a_table_without_times_asks_for_its_step(tmp_path: Path) -> None:
     rows = "".join(f"{math.cos(0.1 * i):.3f},{math.sin(0.1 * i):.3f}\n" for i in range(60))
     (tmp_path / "steps.csv").write_text("u,V1\n" + rows)

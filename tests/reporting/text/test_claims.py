@@ -198,7 +198,7 @@ def test_a_chaotic_system_is_told_up_to_the_time_at_which_its_runs_are_lost() ->
     cut: Any = BETTER | {"horizon": 12.345678, "before": 0.6, "after": 0.1}
     told = improvements(found(cut, verdict="missing-term", units={"t": "s"}))[1]
     assert told.endswith(
-        "The system is chaotic: errors of a run grow until it is lost. In the first 12.3 s of a "
+        "Errors of a run grow until it is lost. In the first 12.3 s of a "
         "run the error is 0.6 from the best start and 0.1 with the correction: 6 times smaller."
     )
     only = found(cut, verdict="missing-term")
