@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import torch
@@ -24,7 +24,7 @@ from dashred.physics.solvers.simulate import check_finite, simulate
 from dashred.physics.system import System, Term
 from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.placeholders import zero_equations
-from dashred.pipeline.check.remark import Remark, warning
+from dashred.pipeline.check.remark import Remark, shortened, warning
 from dashred.pipeline.simulation.resolution_check import SensorTraces
 
 # Time budgets of the nominal run and of the run at doubled resolution, in seconds.
@@ -36,6 +36,10 @@ MIN_SAMPLES = 3
 ROUNDING = 1e-9
 # Mean over standard deviation of a field above which its square is linear to within a hundredth.
 MAX_OFFSET = 25.0
+# More excluded terms than this are listed without reasons.
+FEW_TERMS = 6
+# A jump of the start where a periodic axis closes, in units of its largest step between points.
+SEAM_JUMP = 3.0
 # Cost of doubled resolution beyond the number of points and steps: arrays exceed the cache.
 DOUBLED_COST = 1.3
 
@@ -117,6 +121,7 @@ def simulator_remarks(context: CheckContext, nominal: NominalRun) -> Iterator[Re
     if not (traces.std(dim=0) > ROUNDING * traces.abs().max()).any():
         yield warning("All simulated readings are constant", "check that the equations are written")
         return
+    yield from _seam_remarks(context)
     yield _resolution_remark(context, nominal, sensors, traces)
     yield from _library_remarks(context, nominal)
 
@@ -131,7 +136,7 @@ def _library_remarks(context: CheckContext, nominal: NominalRun) -> Iterator[Rem
         if context.config.library is not None:
             check_collinear(*arguments)
         else:
-            yield from map(_excluded_term, uninformative_terms(*arguments).items())
+            yield from _excluded_terms(uninformative_terms(*arguments))
             yield from _large_offset_remarks(context, nominal)
     except InputError as error:
         yield Remark(f"{error.what}: their coefficients cannot be determined", "error", error.hint)
@@ -151,10 +156,37 @@ def _large_offset_remarks(context: CheckContext, nominal: NominalRun) -> Iterato
             )
 
 
-def _excluded_term(term_and_why: tuple[Term, str | Term]) -> Remark:
-    term, why = term_and_why
-    reason = f"it {why} here" if isinstance(why, str) else f"it is a multiple of {why} here"
-    return Remark(f"The default term {term} of {term.equation} is excluded: {reason}")
+def _excluded_terms(excluded: Mapping[Term, str | Term]) -> Iterator[Remark]:
+    """Name the default terms that are excluded, and why if they are few."""
+    if len(excluded) > FEW_TERMS:
+        names = [f"{term} of {term.equation}" for term in excluded]
+        yield Remark(
+            f"{len(excluded)} default terms are excluded, which vanish here or are multiples of "
+            f"others: {shortened(names)}"
+        )
+        return
+    for term, why in excluded.items():
+        reason = f"it {why} here" if isinstance(why, str) else f"it is a multiple of {why} here"
+        yield Remark(f"The default term {term} of {term.equation} is excluded: {reason}")
+
+
+def _seam_remarks(context: CheckContext) -> Iterator[Remark]:
+    """Warn of fields whose nominal start jumps where a periodic axis closes."""
+    system = context.system
+    start = nominal_start(system)[0]
+    for dim, axis in enumerate(system.axes, start=1):
+        if axis.ends != "periodic":
+            continue
+        for name, values in zip(system.fields, start, strict=True):
+            steps = values.diff(dim=dim - 1).abs().amax()
+            jump = (values.select(dim - 1, 0) - values.select(dim - 1, -1)).abs().amax()
+            if float(jump) > SEAM_JUMP * float(steps):
+                yield warning(
+                    f"The start of {name} jumps by {float(jump):.3g} where the periodic axis "
+                    f"{axis.name} closes",
+                    f"does system.start.{name} have the length of the axis, {axis.length:g}, as "
+                    "a period? Or are the ends not periodic?",
+                )
 
 
 @torch.no_grad()

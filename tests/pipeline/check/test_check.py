@@ -331,6 +331,11 @@ def test_a_first_configuration_in_space_can_be_checked(
     filled = said(capsys, f"conf={output}", "system.equations.T=0.5*lap(T)", code=2)
     assert "8 samples" not in filled and "80 samples of 8 sensors" in filled
     assert "Test sensors:" in filled
+    assert "where the periodic axis" not in filled
+    ramp = said(
+        capsys, f"conf={output}", "system.equations.T=0.5*lap(T)", "system.start.T=x", code=2
+    )
+    assert "The start of T jumps by 9.45 where the periodic axis x closes" in ramp
 
 
 def test_a_twin_s_configuration_is_checked_without_its_truths(
