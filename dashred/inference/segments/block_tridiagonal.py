@@ -16,9 +16,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded, solve
+from scipy.linalg import LinAlgError, cho_factor, cho_solve, cho_solve_banded, cholesky_banded
 
 from dashred.inference.segments.segments import Array
+
+# A diagonal element below this is that of an unknown without any effect.
+TINY = 1e-300
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,7 @@ class BlockNormal:
             corner = self.corner + damping * np.diag(self.corner.diagonal())
             corner = corner - self._flat_border.T @ solved[:, :-1]
             rest = self.shared_gradient - self._flat_border.T @ solved[:, -1]
-            shared = solve(corner, rest, assume_a="pos") if len(rest) else rest
+            shared = _solve(corner, rest) if len(rest) else rest
         except (LinAlgError, ValueError):
             return None
         return (solved[:, -1] - solved[:, :-1] @ shared).reshape(nodes, fields), shared
@@ -111,7 +114,7 @@ class BlockNormal:
                 border = self._flat_border
                 gram = self.corner - border.T @ cho_solve_banded((factor, False), border)
                 shared = border.T @ columns
-                found = found + shared.T @ solve(gram, shared, assume_a="pos")
+                found = found + shared.T @ _solve(gram, shared)
         except (LinAlgError, ValueError):
             return None
         count = len(components)
@@ -146,6 +149,19 @@ class BlockNormal:
         return band.reshape(2 * fields, -1)
 
 
+def _solve(matrix: Array, right: Array) -> Array:
+    """Solve with a positive definite matrix whose unknowns have very different units.
+
+    Raises:
+        LinAlgError: rounding has left the matrix without a Cholesky factor.
+    """
+    size = np.sqrt(np.maximum(matrix.diagonal(), TINY))
+    factor = cho_factor(matrix / size[:, None] / size)
+    by_row = size.reshape(-1, *(1,) * (right.ndim - 1))
+    solved: Array = cho_solve(factor, right / by_row) / by_row
+    return solved
+
+
 def _eliminate(
     gram: Array, target: Array, cost: float, kept: int
 ) -> tuple[Array, Array, float] | None:
@@ -155,7 +171,7 @@ def _eliminate(
         return gram, target, cost
     right = np.concatenate([border.T, rest[:, None]], axis=1)
     try:
-        solved = solve(gram[kept:, kept:], right, assume_a="pos")
+        solved = _solve(gram[kept:, kept:], right)
     except (LinAlgError, ValueError):
         return None
     inner = gram[:kept, :kept] - border @ solved[:, :-1]
