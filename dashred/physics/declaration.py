@@ -118,7 +118,8 @@ class Declaration:
             InputError: see :func:`dashred.physics.expressions.parser.parse`.
         """
         axes = tuple(self.config.axes)
-        vocabulary = Vocabulary(self.names | extra, axes, equation, self._tables)
+        radial = any(axis.coordinates == "radial" for axis in self.config.axes.values())
+        vocabulary = Vocabulary(self.names | extra, axes, equation, self._tables, radial)
         expr = parse(str(text), vocabulary, where=self.where(key))
         if self.has_conditions and has_call(expr, "inv_lap"):
             what = "inv_lap is not available on an axis with a condition for each side"

@@ -21,6 +21,7 @@ from dashred.physics.solvers.compiled_etdrk4 import CompiledETDRK4
 from dashred.physics.solvers.compiled_simulator import CompiledSystem, compile_system
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
+from dashred.physics.tangents.cell_tangents import has_cell_tangents, tangent_cells
 from dashred.physics.tangents.compiled_trajectory import CompiledTrajectory
 from dashred.physics.tangents.ode_tangents import has_ode_tangents, tangent_ode
 from dashred.physics.tangents.tangent_linear import has_spectral_tangents, tangent_linear
@@ -62,8 +63,9 @@ class CandidateSimulator:
             self._columns[candidate.key] = [*range(first, first + len(candidate.terms))]
             first += len(candidate.terms)
         self._layout = CoefficientLayout(len(self.terms), shapes)
-        self.has_tangents = has_spectral_tangents(system, self.terms) or has_ode_tangents(
-            system, self.terms
+        self.has_tangents = any(
+            supports(system, self.terms)
+            for supports in (has_spectral_tangents, has_ode_tangents, has_cell_tangents)
         )
 
     @cached_property
@@ -160,6 +162,8 @@ class CandidateSimulator:
         base = self.tangent, start, directions, times, forcing, sources
         if not self.system.axes:
             return tangent_ode(*base, sampled_forcing, forcing_basis)
+        if self.system.has_conditions:
+            return tangent_cells(*base, sampled_forcing, forcing_basis)
         compiled, reference = self.compiled, None
         if compiled is not None and weights is not None:
             compiled = compiled.with_step(self.tangent.dt)

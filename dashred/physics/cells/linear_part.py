@@ -12,16 +12,15 @@ from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions.algebra import (
     ZERO,
     Expr,
-    Flux,
     Name,
     add,
-    children,
     multiply,
     names,
     substitute,
     summands,
 )
 from dashred.physics.expressions.differentiate import NotDifferentiableError, differentiate
+from dashred.physics.expressions.nodes import has_flux
 from dashred.physics.grids.grid_value import Value
 from dashred.physics.system import System
 
@@ -65,7 +64,7 @@ def is_linear(expr: Expr, fields: Sequence[str], clock: frozenset[str]) -> bool:
         fields: names of the fields.
         clock: names of functions of time.
     """
-    if names(expr) & clock or not names(expr) & set(fields) or _has_flux(expr):
+    if names(expr) & clock or not names(expr) & set(fields) or has_flux(expr):
         return False
     scaled = substitute(expr, {f: multiply((Name(FACTOR), Name(f))) for f in fields})
     try:
@@ -73,7 +72,3 @@ def is_linear(expr: Expr, fields: Sequence[str], clock: frozenset[str]) -> bool:
         return FACTOR not in names(slope) and substitute(scaled, {FACTOR: ZERO}) == ZERO
     except (NotDifferentiableError, ArithmeticError):
         return False
-
-
-def _has_flux(expr: Expr) -> bool:
-    return isinstance(expr, Flux) or any(map(_has_flux, children(expr)))
