@@ -44,6 +44,7 @@ class Extension:
             for side in sides:
                 self.responses[response_name(field, side)] = torch.from_numpy(found[side])
         self._given = Pointwise([c.given for sides in conditions.values() for c in sides.values()])
+        self._fields = list(conditions)
         owners = [i for i, sides in enumerate(conditions.values()) for _ in sides]
         # E of every condition, in the equation of its field: (condition, field, point).
         self._spread = np.zeros((len(owners), len(conditions), axis.ring_points))
@@ -54,8 +55,23 @@ class Extension:
 
     def given(self, t: Array) -> Array:
         """Return ``Σ_s g_s(t) E_s``, ``(time, field, point)``, at times ``(time,)``."""
-        values = self._given({"t": t, **self._signals.at(t)}, t.shape)
-        found: Array = np.tensordot(values.T, self._spread, axes=1)
+        found: Array = np.tensordot(self.values(t), self._spread, axes=1)
+        return found
+
+    @property
+    def count(self) -> int:
+        """Number of conditions."""
+        return len(self._spread)
+
+    def values(self, t: Array) -> Array:
+        """Return the given values and slopes g, ``(*time, condition)``."""
+        return np.ascontiguousarray(
+            np.moveaxis(self._given({"t": t, **self._signals.at(t)}, t.shape), 0, -1)
+        )
+
+    def effects(self, field: str) -> Array:
+        """Return E of every condition in one field, ``(condition, point)``."""
+        found: Array = self._spread[:, self._fields.index(field)]
         return found
 
     def cells(self, state: Tensor) -> Tensor:

@@ -10,20 +10,13 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from dashred.physics.backends.numpy_backend import Pointwise
-from dashred.physics.backends.torch_backend import Program
-from dashred.physics.expressions.algebra import ZERO, Expr, add
+from dashred.physics.cells.operator_matrices import OperatorMatrices
+from dashred.physics.expressions.algebra import Expr, add
 from dashred.physics.expressions.nodes import has_flux
-from dashred.physics.expressions.semilinear import (
-    OPERAND,
-    Input,
-    NotSemilinearError,
-    semilinear_form,
-)
-from dashred.physics.grids.grid_value import Value
+from dashred.physics.expressions.semilinear import Input, NotSemilinearError, semilinear_form
 from dashred.physics.system import System
 
 Array = NDArray[np.float64]
@@ -58,28 +51,27 @@ class CellJacobian:
     """
 
     def __init__(self, system: System, equations: Mapping[str, Expr]) -> None:
-        self._system, self._matrices = system, system.extension.matrices
         if any(map(has_flux, equations.values())):
             raise NotSemilinearError("an upwind flux")
+        self._system, self._matrices = system, OperatorMatrices(system)
         form = semilinear_form(equations, [axis.name for axis in system.axes])
         self._inputs: dict[str, Input] = dict(form.inputs)
-        self.size = len(system.fields) * self._matrices.shape[2]
+        self.size = self._matrices.size
         self._constant = np.zeros((self.size, self.size))
         for field, linear in form.linear.items():
-            self._add_constant(field, field, add(linear))
+            self._constant += self._matrices.between_cells(add(linear), field, field)
         for equation, couplings in form.couplings.items():
             for field, operator in couplings.items():
-                self._add_constant(equation, field, operator)
+                self._constant += self._matrices.between_cells(operator, equation, field)
         self._terms: list[SlopeTerm] = []
         slopes: dict[Expr, int] = {}
         for channel in form.channels:
             for name, slope in form.slopes(channel).items():
-                given = form.inputs[name]
-                index = system.fields.index(given.field)
-                inner = self._operator(given.operator) @ self._matrices[index]
+                given, equation = form.inputs[name], channel.equation
+                rows, columns = map(self._matrices.place, (equation, given.field))
+                inner = self._matrices.from_cells(given.operator, given.field)[:, columns]
+                outer = self._matrices.to_cells(channel.operator, equation)[rows]
                 place = slopes.setdefault(slope, len(slopes))
-                rows, columns = self._cells(channel.equation), self._cells(given.field)
-                outer = self._operator(channel.operator)[1::2]
                 self._terms.append(SlopeTerm(rows, columns, place, outer, inner))
         self._slopes = Pointwise(list(slopes))
 
@@ -102,24 +94,5 @@ class CellJacobian:
         values |= {name: x.numpy() for name, x in system.extension.responses.items()}
         for name, given in self._inputs.items():
             field = states[:, system.fields.index(given.field)]
-            values[name] = field @ self._operator(given.operator).T
+            values[name] = field @ self._matrices.at_points(given.operator, given.field).T
         return values
-
-    def _add_constant(self, equation: str, field: str, operator: Expr) -> None:
-        if operator != ZERO:
-            named = self._operator(operator, field)
-            matrix = named[1::2] @ self._matrices[self._system.fields.index(field)]
-            self._constant[self._cells(equation), self._cells(field)] += matrix
-
-    def _cells(self, field: str) -> slice:
-        count, index = self._matrices.shape[2], self._system.fields.index(field)
-        return slice(index * count, (index + 1) * count)
-
-    def _operator(self, operator: Expr, field: str = "") -> Array:
-        """Return a linear operator on :data:`OPERAND`, or a field, as ``(point, point)``."""
-        points = self._matrices.shape[1]
-        units = Value(torch.eye(points, dtype=torch.float64))
-        operators = self._system.operators
-        [value] = Program([operator])({OPERAND.id: units, field: units}, operators)
-        columns = torch.as_tensor(operators.on_grid(value), dtype=torch.float64)
-        return np.ascontiguousarray(columns.expand(points, points).T.numpy())
