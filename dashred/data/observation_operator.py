@@ -29,8 +29,8 @@ class ObservationOperator(nn.Module):
     """``y = H(v)``: evaluate each sensor's quantity on the grid and interpolate it to the sensor.
 
     Interpolation is trigonometric for spectral systems, linear for finite differences and cubic
-    for finite volumes; in several dimensions the weights are products of one-dimensional weights. The operator is
-    differentiable and works in the dtype of the state.
+    for finite volumes; in several dimensions the weights are products of one-dimensional weights.
+    The operator is differentiable and works in the dtype of the state.
     """
 
     _weights: Tensor

@@ -79,7 +79,9 @@ class System(Declaration):
         """Fields at all points from their cells; for an axis with a condition for each side."""
         conditions = {
             field: {
-                side: dataclasses.replace(condition, given=self.resolve(condition.given, condition.key))
+                side: dataclasses.replace(
+                    condition, given=self.resolve(condition.given, condition.key)
+                )
                 for side, condition in sides.items()
             }
             for field, sides in self.conditions.items()

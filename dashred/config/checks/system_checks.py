@@ -108,7 +108,9 @@ def _check_axes(system: System, where: Where) -> None:
 def _check_ends(name: str, axis: Axis, system: System, where: Where) -> None:
     """Check the form of ``ends``; the conditions for each side are checked with the equations."""
     key = f"system.axes.{name}.ends"
-    if not isinstance(axis.ends, str | dict) or isinstance(axis.ends, str) and axis.ends not in ENDS:
+    if not isinstance(axis.ends, str | dict) or (
+        isinstance(axis.ends, str) and axis.ends not in ENDS
+    ):
         what = f"{key} must be {', '.join(ENDS)}, or a section of sides; got {axis.ends!r}"
         hint = nearest(axis.ends, ENDS) if isinstance(axis.ends, str) else SIDES_EXAMPLE
         raise InputError(what, where=where(key), hint=hint)

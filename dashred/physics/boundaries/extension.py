@@ -48,9 +48,7 @@ class Extension:
         owners = [i for i, sides in enumerate(conditions.values()) for _ in sides]
         # E of every condition, in the equation of its field: (condition, field, point).
         self._spread = np.zeros((len(owners), len(conditions), axis.ring_points))
-        for k, (owner, response) in enumerate(
-            zip(owners, self.responses.values(), strict=True)
-        ):
+        for k, (owner, response) in enumerate(zip(owners, self.responses.values(), strict=True)):
             self._spread[k, owner] = response.numpy()
 
     def given(self, t: Array) -> Array:

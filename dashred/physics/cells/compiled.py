@@ -20,17 +20,28 @@ from dashred.physics.backends.numba_backend import (
     compile_kernel,
     names_used,
 )
-from dashred.physics.cells.compiled_step import CellArrays, integrate_batch
+from dashred.physics.cells.compiled_step import (
+    CellArrays,
+    CellSteps,
+    integrate_batch,
+    integrate_stages,
+)
 from dashred.physics.cells.exponential import step_matrices
+from dashred.physics.cells.integrate import KEPT, StepTuple
 from dashred.physics.cells.linear_part import linear_part
 from dashred.physics.cells.operator_matrices import OperatorMatrices
-from dashred.physics.expressions.algebra import Expr, add
+from dashred.physics.expressions.algebra import add
 from dashred.physics.expressions.nodes import has_flux
-from dashred.physics.expressions.semilinear import NotSemilinearError, SemilinearForm
+from dashred.physics.expressions.semilinear import (
+    OPERAND,
+    Input,
+    NotSemilinearError,
+    SemilinearForm,
+)
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.system import System, Term
 
-Steps = Callable[[Sequence[float], float], Iterable[tuple[float, float, bool, bool]]]
+Schedule = Callable[[Sequence[float], float], Iterable[StepTuple]]
 
 
 class WeightLayout(Protocol):
@@ -59,7 +70,7 @@ class CompiledCells:
     """
 
     def __init__(
-        self, system: System, terms: Sequence[Term], layout: WeightLayout, schedule: Steps
+        self, system: System, terms: Sequence[Term], layout: WeightLayout, schedule: Schedule
     ) -> None:
         if any(map(has_flux, (*system.resolved.values(), *(t.expression for t in terms)))):
             raise NotSemilinearError("an upwind flux")
@@ -73,7 +84,7 @@ class CompiledCells:
             windowed if windowed else None,
         )
         matrices, extension = OperatorMatrices(system), system.extension
-        read = {name: channels.inputs.get(name) for name in system.fields} | channels.inputs
+        read = {name: Input(name, OPERAND) for name in system.fields} | channels.inputs
         places = system.grid.places | extension.responses
         self._kernel = compile_kernel(
             channels.functions, list(read), list(places), layout.factors(), system.input_signals
@@ -81,8 +92,7 @@ class CompiledCells:
         shape = system.grid.shape
         self._coordinates = np.array([np.broadcast_to(x.numpy(), shape) for x in places.values()])
         self._names, self._count = list(read), len(channels.index)
-        inputs = [(v.operator, v.field) for v in read.values() if v is not None]
-        assert len(inputs) == len(read)
+        inputs = [(v.operator, v.field) for v in read.values()]
         self._input_matrices = _stack([matrices.from_cells(*v).T for v in inputs])
         self._input_given = _stack(
             [extension.effects(field) @ matrices.at_points(v, field).T for v, field in inputs]
@@ -118,31 +128,56 @@ class CompiledCells:
             sampled_forcing: free forcing of each trajectory.
         """
         extension = self.system.extension
-        steps = list(self._schedule(times.tolist(), self.system.dt))
-        begins, lengths = (np.array([step[i] for step in steps]) for i in (0, 1))
-        kinds = {h: k for k, h in enumerate(dict.fromkeys(lengths.tolist()))}
-        moments = begins[:, None] + lengths[:, None] * np.array([0.0, 0.5, 1.0])
         cells = extension.cells(start)
-        saved = np.full((len(times), len(start), self._a.shape[0]), np.nan)
+        saved = np.full((len(times), len(start), len(self._a)), np.nan)
         saved[0] = cells.flatten(1).numpy()
-        with warnings.catch_warnings():
-            # Numba warns that first-class functions are an experimental feature.
-            warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
-            integrate_batch(
-                self._kernel,
-                self._arrays(np.ascontiguousarray(weights.numpy()), sampled_forcing),
-                np.array([self._step(h) for h in kinds]),
-                begins,
-                lengths,
-                np.array([kinds[h] for h in lengths.tolist()], dtype=np.int64),
-                np.array([step[3] for step in steps], dtype=np.bool_),
-                extension.values(moments),
-                (len(self._names), self._count),
-                saved,
-            )
+        steps = list(self._schedule(times.tolist(), self.system.dt))
+        self._integrate(integrate_batch, weights, sampled_forcing, steps, saved)
         found = torch.from_numpy(saved).reshape(len(times), *cells.shape).transpose(0, 1)
         given = torch.from_numpy(extension.given(times.numpy()))
         return extension.homogeneous(found) + given
+
+    def stages(
+        self,
+        weights: Tensor,
+        sampled_forcing: SampledForcing | None,
+        steps: Sequence[StepTuple],
+        cells: Array,
+    ) -> Array:
+        """Return the cells at all stages of one trajectory; see :data:`.integrate.Reference`."""
+        saved = np.empty((len(steps), KEPT, len(self._a)))
+        saved[0, 0] = cells
+        self._integrate(integrate_stages, weights, sampled_forcing, steps, saved)
+        return saved
+
+    def _integrate(
+        self,
+        integrate: Callable[..., None],
+        weights: Tensor,
+        sampled_forcing: SampledForcing | None,
+        steps: Sequence[StepTuple],
+        saved: Array,
+    ) -> None:
+        rows = np.ascontiguousarray(weights.numpy())
+        counts = len(self._names), self._count
+        with warnings.catch_warnings():
+            # Numba warns that first-class functions are an experimental feature.
+            warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
+            arrays = self._arrays(rows, sampled_forcing)
+            integrate(self._kernel, arrays, self._step_arrays(steps), counts, saved)
+
+    def _step_arrays(self, steps: Sequence[StepTuple]) -> CellSteps:
+        t, h = (np.array([step[i] for step in steps]) for i in (0, 1))
+        kinds = {length: k for k, length in enumerate(dict.fromkeys(h.tolist()))}
+        moments = t[:, None] + h[:, None] * np.array([0.0, 0.5, 1.0])
+        return CellSteps(
+            t=t,
+            h=h,
+            kinds=np.array([kinds[length] for length in h.tolist()], dtype=np.int64),
+            ends=np.array([step[3] for step in steps], dtype=np.bool_),
+            given=self.system.extension.values(moments),
+            matrices=np.array([self._step(length) for length in kinds]),
+        )
 
     def _add_linear(
         self, weight: int | None, form: SemilinearForm, matrices: OperatorMatrices

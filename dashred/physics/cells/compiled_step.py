@@ -50,6 +50,26 @@ class CellArrays(NamedTuple):
     forcing: Array
 
 
+class CellSteps(NamedTuple):
+    """Time steps as arrays.
+
+    Attributes:
+        t, h: start time and length of each step, ``(step,)``.
+        kinds: index of its matrices, ``(step,)``.
+        ends: whether it ends at an output time, ``(step,)``.
+        given: given values at its start, middle and end, ``(step, 3, given)``.
+        matrices: full, half, stage, first, middle and last of each length, ``(kind, 6, n, n)``;
+            see :class:`.exponential.StepMatrices`.
+    """
+
+    t: Array
+    h: Array
+    kinds: Indices
+    ends: NDArray[np.bool_]
+    given: Array
+    matrices: Array
+
+
 @numba.njit(nogil=True, cache=True, error_model="numpy")
 def _rest(
     kernel: Kernel,
@@ -81,15 +101,38 @@ def _rest(
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
+def _stages(
+    kernel: Kernel,
+    arrays: CellArrays,
+    own: Array,
+    t: float,
+    h: float,
+    given: Array,
+    values: Array,
+    results: Array,
+    cells: Array,
+) -> tuple[Array, Array, Array, Array]:
+    """Return the cells at stages a, b and c and at the end of a step, ``(row, n)`` each.
+
+    ``own`` holds the matrices of the step and ``given`` the given values at its start, middle and
+    end; ``values`` and ``results`` are work arrays.
+    """
+    n = _rest(kernel, arrays, cells, given[0:1], t, values, results)
+    damped = cells @ own[1]
+    a = damped + n @ own[2]
+    n_a = _rest(kernel, arrays, a, given[1:2], t + h / 2, values, results)
+    b = damped + n_a @ own[2]
+    n_b = _rest(kernel, arrays, b, given[1:2], t + h / 2, values, results)
+    c = a @ own[1] + (2 * n_b - n) @ own[2]
+    n_c = _rest(kernel, arrays, c, given[2:3], t + h, values, results)
+    return a, b, c, cells @ own[0] + n @ own[3] + (n_a + n_b) @ own[4] + n_c @ own[5]
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
 def integrate_batch(
     kernel: Kernel,
     arrays: CellArrays,
-    matrices: Array,
-    begins: Array,
-    lengths: Array,
-    kinds: Indices,
-    ends: NDArray[np.bool_],
-    given: Array,
+    steps: CellSteps,
     counts: tuple[int, int],
     saved: Array,
 ) -> None:
@@ -98,12 +141,7 @@ def integrate_batch(
     Args:
         kernel: evaluates the pointwise functions.
         arrays: N.
-        matrices: full, half, stage, first, middle and last of each length, ``(length, 6, n, n)``;
-            see :class:`.exponential.StepMatrices`.
-        begins, lengths: start time and length of each step, ``(step,)``.
-        kinds: index of its matrices, ``(step,)``.
-        ends: whether it ends at an output time, ``(step,)``.
-        given: given values at the start, middle and end of each step, ``(step, 3, given)``.
+        steps: the steps.
         counts: number of inputs and of channels of the kernel.
         saved: cells at the output times, ``(time, row, n)``, with those at the start; written.
     """
@@ -111,18 +149,40 @@ def integrate_batch(
     values = np.zeros((counts[0], len(cells), points))
     results = np.empty((counts[1], len(cells), points))
     output = 0
-    for i in range(len(begins)):
-        t, h, own = begins[i], lengths[i], matrices[kinds[i]]
-        g, middle, end = given[i, 0:1], given[i, 1:2], given[i, 2:3]
-        n = _rest(kernel, arrays, cells, g, t, values, results)
-        damped = cells @ own[1]
-        a = damped + n @ own[2]
-        n_a = _rest(kernel, arrays, a, middle, t + h / 2, values, results)
-        b = damped + n_a @ own[2]
-        n_b = _rest(kernel, arrays, b, middle, t + h / 2, values, results)
-        c = a @ own[1] + (2 * n_b - n) @ own[2]
-        n_c = _rest(kernel, arrays, c, end, t + h, values, results)
-        cells = cells @ own[0] + n @ own[3] + (n_a + n_b) @ own[4] + n_c @ own[5]
-        if ends[i]:
+    for i in range(len(steps.t)):
+        t, h, own = steps.t[i], steps.h[i], steps.matrices[steps.kinds[i]]
+        work = steps.given[i], values, results
+        _, _, _, cells = _stages(kernel, arrays, own, t, h, *work, cells)
+        if steps.ends[i]:
             output += 1
             saved[output] = cells
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def integrate_stages(
+    kernel: Kernel,
+    arrays: CellArrays,
+    steps: CellSteps,
+    counts: tuple[int, int],
+    saved: Array,
+) -> None:
+    """Integrate one row and keep all stages.
+
+    Args:
+        kernel: evaluates the pointwise functions.
+        arrays: N.
+        steps: the steps.
+        counts: number of inputs and of channels of the kernel.
+        saved: cells at stages u, a, b and c and at the end of each step, ``(step, 5, n)``, with
+            those at the start of the first step; written.
+    """
+    cells, points = saved[0, 0:1].copy(), arrays.coordinates.shape[1]
+    values = np.zeros((counts[0], 1, points))
+    results = np.empty((counts[1], 1, points))
+    for i in range(len(steps.t)):
+        t, h, own = steps.t[i], steps.h[i], steps.matrices[steps.kinds[i]]
+        work = steps.given[i], values, results
+        a, b, c, end = _stages(kernel, arrays, own, t, h, *work, cells)
+        saved[i, 0], saved[i, 1], saved[i, 2] = cells[0], a[0], b[0]
+        saved[i, 3], saved[i, 4] = c[0], end[0]
+        cells = end

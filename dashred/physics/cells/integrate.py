@@ -6,17 +6,26 @@ stiff diffusion sets no limit to the step. Conditions at the ends are in N.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from dashred.physics.cells.exponential import step_matrices
 from dashred.physics.cells.linear_part import linear_part
 from dashred.physics.system import System
 
+Array = NDArray[np.float64]
 Rates = Callable[[Tensor, float], Tensor]
+StepTuple = tuple[float, float, bool, bool]
+"""``(t, h, begins, ends)`` of a step, as in :class:`.solvers.schedule.Step`."""
+KEPT = 5
+Reference = Callable[[Sequence[StepTuple], Array], Array]
+"""(steps, cells ``(n,)`` at their start) → cells at the four stages and at the end of each step,
+``(step, 5, n)``."""
 
 
 class CellStepper:
@@ -61,9 +70,18 @@ class CellStepper:
         end = cells @ full + n @ first + (n_a + n_b) @ middle + n_c @ last
         return cells, a, b, c, end
 
+    def reference(self, steps: Sequence[StepTuple], cells: Array) -> Array:
+        """Return the cells at all stages of one trajectory; see :data:`Reference`."""
+        found, state = [], torch.from_numpy(cells)[None]
+        for t, h, *_ in steps:
+            stages = self.stages(state, t, h)
+            found.append(torch.cat(stages).numpy())
+            state = stages[-1]
+        return np.array(found)
+
 
 def integrate_cells(
-    system: System, tendency: Rates, start: Tensor, begin: float, steps: Iterator[tuple]
+    system: System, tendency: Rates, start: Tensor, begin: float, steps: Iterable[StepTuple]
 ) -> Iterator[Tensor]:
     """Yield the fields at all points, ``(batch, field, point)``, at every output time.
 
@@ -72,7 +90,7 @@ def integrate_cells(
         tendency: see :class:`CellStepper`.
         start: ``(batch, field, point)``; the values at faces follow from the cells.
         begin: the first output time.
-        steps: ``(t, h, begins, ends)`` of every step, as in :class:`.solvers.schedule.Step`.
+        steps: all steps.
     """
     stepper, extension = CellStepper(system, tendency), system.extension
     cells = extension.cells(start)

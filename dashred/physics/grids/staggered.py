@@ -92,7 +92,8 @@ def face_values(cells: int, h: float, left: str, right: str) -> tuple[Array, dic
     Args:
         cells: number of cells.
         h: their size.
-        left, right: kind of the condition: ``value``, ``slope`` or ``outflow``.
+        left: kind of the condition at this end: ``value``, ``slope`` or ``outflow``.
+        right: kind of the condition at the other end.
 
     Returns:
         P, ``(point, cell)``, and E of each side, ``(point,)``.

@@ -66,7 +66,10 @@ def simulate(
         tendency = SpectralTendency(system, forcing, start.device, sampled_forcing)
         states = _integrate_spectral(tendency, start, times.tolist())
     elif system.has_conditions:
-        rates, steps = GridTendency(system, forcing, sampled_forcing), schedule(times.tolist(), system.dt)
+        rates, steps = (
+            GridTendency(system, forcing, sampled_forcing),
+            schedule(times.tolist(), system.dt),
+        )
         states = integrate_cells(system, rates, start, float(times[0]), steps)
     elif system.tableau is not None:
         explicit = GridTendency(system, forcing, sampled_forcing)

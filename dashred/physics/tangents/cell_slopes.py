@@ -76,7 +76,7 @@ class CellJacobian:
         self._slopes = Pointwise(list(slopes))
 
     def __call__(self, states: Array, t: Array) -> Array:
-        """Return J, ``(state, n, n)``, of states ``(state, field, point)`` at times ``(state,)``."""
+        """Return J, ``(state, n, n)``, at states ``(state, field, point)`` and times."""
         found = np.repeat(self._constant[None], len(states), axis=0)
         if not self._terms:
             return found

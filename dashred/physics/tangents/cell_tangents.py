@@ -18,7 +18,7 @@ from torch import Tensor
 
 from dashred.physics.backends.torch_backend import Program
 from dashred.physics.cells.exponential import StepMatrices, step_matrices
-from dashred.physics.cells.integrate import CellStepper
+from dashred.physics.cells.integrate import CellStepper, Reference
 from dashred.physics.cells.linear_part import linear_part
 from dashred.physics.expressions.algebra import Expr, add, scale
 from dashred.physics.expressions.semilinear import NotSemilinearError
@@ -62,6 +62,7 @@ def tangent_cells(
     sources: Sequence[tuple[Term, ...]],
     sampled_forcing: SampledForcing | None = None,
     forcing_basis: ForcingBasis | None = None,
+    reference: Reference | None = None,
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Yield state and tangents at every output time: ``δ' = N'(u) δ + s(u, t)``.
 
@@ -77,6 +78,8 @@ def tangent_cells(
         sources: column k is ``∂u(t)/∂ξ`` for ``∂u/∂t = … + ξ Σ_{θ in sources[k]} θ(u)`` at 0.
         sampled_forcing: free forcing of the reference trajectory, one row.
         forcing_basis: basis of a free forcing; one column ``∂u(t)/∂a`` for each coefficient a.
+        reference: integrates the reference trajectory with these forcings; by default without
+            compilation.
 
     Yields:
         The state ``(field, point)`` and the tangents ``(column, field, point)``, float64:
@@ -86,7 +89,9 @@ def tangent_cells(
     added = ([], []) if forcing is None else (forcing.terms, forcing.coefficients[0].tolist())
     jacobian = CellJacobian(system, _equations(system, *added))
     drive = _Sources(system, sources, forcing_basis)
-    stepper = CellStepper(system, GridTendency(system, forcing, sampled_forcing))
+    if reference is None:
+        tendency = GridTendency(system, forcing, sampled_forcing)
+        reference = CellStepper(system, tendency).reference
     linear = linear_part(system)
     cells = extension.cells(start[None])
     shape = cells.shape
@@ -94,18 +99,15 @@ def tangent_cells(
     tangents[:, : len(directions)] = extension.cells(directions.double()).flatten(1).T.numpy()
     begin = float(times[0])
     yield _whole(system, cells, begin), _columns(system, tangents)
-    state, steps = cells.flatten(1), schedule(times.tolist(), system.dt)
+    state, steps = cells.flatten().numpy(), schedule(times.tolist(), system.dt)
     matrices = cache(lambda h: step_matrices(linear, h))
     while block := list(islice(steps, STEPS_AT_ONCE)):
-        stages, ends = [], []
-        for step in block:
-            *within, state = stepper.stages(state, step.t, step.h)
-            stages += within
-            ends.append(state)
+        stages = reference(block, state)
+        state = stages[-1, -1]
         # A blow-up shows as non-finite values, not as a warning.
         with np.errstate(all="ignore"):
             moments = np.array([s.t + c * s.h for s in block for c in (0.0, 0.5, 0.5, 1.0)])
-            inner = torch.cat(stages).reshape(-1, *shape[1:])
+            inner = torch.from_numpy(stages[:, :STAGES].copy()).reshape(-1, *shape[1:])
             whole = extension.homogeneous(inner) + torch.from_numpy(extension.given(moments))
             slopes = jacobian(whole.numpy(), moments) - linear
             driven = drive(whole, moments, len(directions))
@@ -113,10 +115,8 @@ def tangent_cells(
                 at = slice(STAGES * k, STAGES * (k + 1))
                 tangents = _advance(matrices(step.h), tangents, slopes[at], driven[at])
                 if step.ends:
-                    yield (
-                        _whole(system, ends[k].reshape(shape), step.t + step.h),
-                        _columns(system, tangents),
-                    )
+                    end = torch.from_numpy(stages[k, STAGES].copy()).reshape(shape)
+                    yield _whole(system, end, step.t + step.h), _columns(system, tangents)
 
 
 def _advance(step: StepMatrices, tangents: Array, slopes: Array, driven: Array) -> Array:

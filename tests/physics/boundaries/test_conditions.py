@@ -74,7 +74,9 @@ def test_conditions_fit_the_order_of_the_equation(make_system, ends, equation, w
 def test_conditions_need_one_axis(make_system):
     with pytest.raises(InputError, match="systems with one axis"):
         make_system("""
-            axes: {x: {length: 1, points: 8, ends: {left: fixed, right: fixed}}, y: {length: 1, points: 8}}
+            axes:
+              x: {length: 1, points: 8, ends: {left: fixed, right: fixed}}
+              y: {length: 1, points: 8}
             fields: {u: heat}
             equations: {u: lap(u)}
             start: {u: 0}

@@ -16,7 +16,7 @@ def test_phi_functions_are_those_of_the_augmented_exponential(scale):
     # exp of [[A, I, 0, …], [0, 0, I, …], …] has the functions in its first row of blocks.
     whole = np.zeros((n * points, n * points))
     whole[:points, :points] = matrix
-    whole[: -points, points:] += np.eye((n - 1) * points)
+    whole[:-points, points:] += np.eye((n - 1) * points)
     first = expm(whole)[:points].reshape(points, n, points)
     for k, phi in enumerate(phi_functions(matrix)):
         assert phi == pytest.approx(first[:, k], abs=1e-12)
