@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 SIDES = ("left", "right")
 KINDS = ("value", "slope", "flux")
 WORDS = ("insulated", "fixed", "outflow")
+KIND_OF_WORD = {"insulated": "slope", "fixed": "value"}
 EXAMPLE = "for example left: {value: 10}"
 
 
@@ -79,15 +80,23 @@ def with_offsets(config: schema.System, where: Callable[[str], str]) -> schema.S
     Raises:
         InputError: the conditions have the wrong form.
     """
+    own = dict.fromkeys(offset_meanings(config, where), 0.0)
+    return dataclasses.replace(config, parameters=own | config.parameters)
+
+
+def offset_meanings(config: schema.System, where: Callable[[str], str]) -> dict[str, str]:
+    """Return what every offset is added to, by name: ``value of T at the left end``.
+
+    Raises:
+        InputError: the conditions have the wrong form.
+    """
     axis = one_sided_axis(config)
-    if axis is None:
-        return config
-    own = {
-        offset_name(field, side): 0.0
-        for field, side, (word, _), _ in _entries(config, axis, where)
+    entries = () if axis is None else _entries(config, axis, where)
+    return {
+        offset_name(field, side): f"{KIND_OF_WORD.get(word, word)} of {field} at the {side} end"
+        for field, side, (word, _), _ in entries
         if word != "outflow"
     }
-    return dataclasses.replace(config, parameters=own | config.parameters)
 
 
 def read_conditions(
@@ -117,7 +126,7 @@ def read_conditions(
         if word == "flux":
             diffusivity = _diffusivity(equations[field], field, side, config, axis, where(key))
             given = multiply((Number(-1.0), given, power(diffusivity, Number(-1.0))))
-        kind = {"insulated": "slope", "flux": "slope", "fixed": "value"}.get(word, word)
+        kind = "slope" if word == "flux" else KIND_OF_WORD.get(word, word)
         found[field][side] = Condition(kind, given, key)
     for field, sides in found.items():
         _check_number(field, sides, config, axis, equations, where)
