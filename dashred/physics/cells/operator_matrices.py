@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from dashred.physics.backends.torch_backend import Program
-from dashred.physics.expressions.algebra import Expr
+from dashred.physics.expressions.algebra import Expr, add
+from dashred.physics.expressions.linear import split_linear
 from dashred.physics.expressions.semilinear import OPERAND
 from dashred.physics.grids.grid_value import Value
-from dashred.physics.system import System
+from dashred.physics.system import System, Term
 
 Array = NDArray[np.float64]
 
@@ -65,3 +68,22 @@ class OperatorMatrices:
         """Return the cells of a field."""
         index = self._fields.index(field)
         return slice(index * self.cells, (index + 1) * self.cells)
+
+
+def fastest_linear_rate(system: System, terms: Sequence[Term]) -> float:
+    """Return a bound of the rate at which the linear part of terms changes the cells.
+
+    It is the largest sum of absolute entries in a row of its matrix.
+
+    Args:
+        system: with a condition for each side of its axis.
+        terms: resolved.
+    """
+    matrices, fastest = OperatorMatrices(system), 0.0
+    for term in terms:
+        for field in system.fields:
+            linear, _ = split_linear(term.expression, field)
+            if linear:
+                matrix = matrices.between_cells(add(linear), term.equation, field)
+                fastest = max(fastest, float(np.abs(matrix).sum(axis=1).max()))
+    return fastest
