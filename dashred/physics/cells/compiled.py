@@ -213,7 +213,7 @@ class CompiledCells:
         read = names_used(active)
         linear = [(k, m, g) for k, m, g in self._linear if k is None or used[k]]
         ones = np.ones(len(weights))
-        strengths = [(ones if k is None else weights[:, k])[:, None] for k, _, _ in linear]
+        strengths = [ones if k is None else weights[:, k] for k, _, _ in linear]
         size = len(self._a)
         forcing = np.zeros((0, len(weights), size))
         if sampled_forcing is not None:
@@ -228,7 +228,7 @@ class CompiledCells:
             channel_matrices=self._channel_matrices,
             linear=_stack([m for _, m, _ in linear], (size, size)),
             linear_given=_stack([g for _, _, g in linear], (self.system.extension.count, size)),
-            strengths=_stack(strengths, (len(weights), 1)),
+            strengths=_stack(strengths, (len(weights),)),
             coordinates=self._coordinates,
             weights=weights,
             knots=knots,

@@ -29,7 +29,7 @@ class CellArrays(NamedTuple):
         channel_matrices: to cells, ``(channel, point, n)``.
         linear: of the linear terms beyond A, ``(linear, n, n)``.
         linear_given: from given values, ``(linear, given, n)``.
-        strengths: coefficient of each linear term, ``(linear, row, 1)``.
+        strengths: coefficient of each linear term, ``(linear, row)``.
         coordinates: of the points, ``(coordinate, point)``.
         weights: coefficients of the terms, ``(row, column)``.
         knots: interpolation times of the free forcing, ``(knot,)``; empty without one.
@@ -71,6 +71,26 @@ class CellSteps(NamedTuple):
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
+def _products(x: Array, x_matrix: Array, y: Array, y_matrix: Array) -> Array:
+    """Return ``x X + y Y``, ``(row, column)``; y may be one row for all."""
+    found, other = np.dot(x, x_matrix), np.dot(y, y_matrix)
+    for row in range(len(found)):
+        second = other[row if len(other) > 1 else 0]
+        for k in range(len(second)):
+            found[row, k] += second[k]
+    return found
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def _add(terms: Array, factors: Array, out: Array) -> None:
+    """Add ``factors[row] terms[row]`` to ``out[row]`` for each row; one factor may be for all."""
+    for row in range(len(out)):
+        factor = factors[row if len(factors) > 1 else 0]
+        for k in range(out.shape[1]):
+            out[row, k] += factor * terms[row, k]
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
 def _rest(
     kernel: Kernel,
     arrays: CellArrays,
@@ -81,22 +101,21 @@ def _rest(
     results: Array,
 ) -> Array:
     """Return N, ``(row, n)``, of cells ``(row, n)`` with given values ``(1, given)``."""
-    for i in range(len(arrays.inputs)):
-        k = arrays.inputs[i]
-        values[k] = cells @ arrays.input_matrices[k] + given @ arrays.input_given[k]
+    for k in arrays.inputs:
+        values[k] = _products(cells, arrays.input_matrices[k], given, arrays.input_given[k])
     kernel(values, arrays.coordinates, t, arrays.weights, results)
-    out = np.zeros_like(cells)
-    for i in range(len(arrays.channels)):
-        k = arrays.channels[i]
-        out += results[k] @ arrays.channel_matrices[k]
+    out, one = np.zeros_like(cells), np.ones(1)
+    for k in arrays.channels:
+        _add(np.dot(results[k], arrays.channel_matrices[k]), one, out)
     for k in range(len(arrays.linear)):
-        linear = cells @ arrays.linear[k] + given @ arrays.linear_given[k]
-        out += arrays.strengths[k] * linear
+        linear = _products(cells, arrays.linear[k], given, arrays.linear_given[k])
+        _add(linear, arrays.strengths[k], out)
     if len(arrays.knots):
         knots = arrays.knots
         k = min(max(int(np.searchsorted(knots, t)) - 1, 0), len(knots) - 2)
         share = min(max((t - knots[k]) / (knots[k + 1] - knots[k]), 0.0), 1.0)
-        out += (1 - share) * arrays.forcing[k] + share * arrays.forcing[k + 1]
+        _add(arrays.forcing[k], (1 - share) * one, out)
+        _add(arrays.forcing[k + 1], share * one, out)
     return out
 
 
@@ -117,15 +136,21 @@ def _stages(
     ``own`` holds the matrices of the step and ``given`` the given values at its start, middle and
     end; ``values`` and ``results`` are work arrays.
     """
+    one = np.ones(1)
     n = _rest(kernel, arrays, cells, given[0:1], t, values, results)
-    damped = cells @ own[1]
-    a = damped + n @ own[2]
+    a = _products(cells, own[1], n, own[2])
     n_a = _rest(kernel, arrays, a, given[1:2], t + h / 2, values, results)
-    b = damped + n_a @ own[2]
+    b = _products(cells, own[1], n_a, own[2])
     n_b = _rest(kernel, arrays, b, given[1:2], t + h / 2, values, results)
-    c = a @ own[1] + (2 * n_b - n) @ own[2]
+    ahead = n_b.copy()
+    _add(n_b, one, ahead)
+    _add(n, -one, ahead)
+    c = _products(a, own[1], ahead, own[2])
     n_c = _rest(kernel, arrays, c, given[2:3], t + h, values, results)
-    return a, b, c, cells @ own[0] + n @ own[3] + (n_a + n_b) @ own[4] + n_c @ own[5]
+    end = _products(cells, own[0], n, own[3])
+    _add(n_b, one, n_a)
+    _add(_products(n_a, own[4], n_c, own[5]), one, end)
+    return a, b, c, end
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
