@@ -7,12 +7,8 @@ from functools import cached_property
 
 from dashred.core.errors import InputError
 from dashred.physics import system_schema as schema
-from dashred.physics.boundaries.conditions import (
-    Sides,
-    one_sided_axis,
-    read_conditions,
-    with_offsets,
-)
+from dashred.physics.boundaries.conditions import Sides, read_conditions
+from dashred.physics.boundaries.entries import one_sided_axis, with_offsets
 from dashred.physics.definitions import Definitions, check_order
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import Expr

@@ -18,7 +18,7 @@ from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN, Discovery
 from dashred.inference.results.parameter_change import exact_change, is_exact, parameter_change
 from dashred.inference.results.posterior_probabilities import inclusion
-from dashred.physics.boundaries.conditions import offset_meanings
+from dashred.physics.boundaries.entries import offset_meanings
 from dashred.physics.system import System
 from dashred.physics.term_units import coefficient_unit
 from dashred.physics.window import Window

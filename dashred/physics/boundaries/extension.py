@@ -11,7 +11,8 @@ from torch import Tensor
 
 from dashred.physics.backends.input_signals import InputSignals
 from dashred.physics.backends.numpy_backend import Pointwise
-from dashred.physics.boundaries.conditions import SIDES, Sides
+from dashred.physics.boundaries.conditions import Sides
+from dashred.physics.boundaries.entries import SIDES
 from dashred.physics.boundaries.responses import response_name
 from dashred.physics.grids.grid import Axis
 from dashred.physics.grids.staggered import face_values

@@ -17,7 +17,7 @@ X = torch.arange(21, dtype=torch.float64) * 0.1
 
 def test_a_second_derivative_at_cells_has_the_three_nearest_cells():
     operators, units = Staggered(Grid((AXIS,))), torch.eye(21, dtype=torch.float64)
-    second = operators.on_grid(operators.derivative(Value(units), "x", 2)).T
+    second = torch.as_tensor(operators.on_grid(operators.derivative(Value(units), "x", 2))).T
     assert second[5].nonzero().flatten().tolist() == [3, 5, 7]
     assert second[5, 3:8:2].tolist() == pytest.approx([25.0, -50.0, 25.0])
 
@@ -25,7 +25,7 @@ def test_a_second_derivative_at_cells_has_the_three_nearest_cells():
 def test_a_derivative_conserves_the_sum_over_the_cells():
     f = torch.rand(21, dtype=torch.float64)
     operators = Staggered(Grid((AXIS,)))
-    slope = operators.on_grid(operators.derivative(Value(f), "x", 1))
+    slope = torch.as_tensor(operators.on_grid(operators.derivative(Value(f), "x", 1)))
     assert float(slope[1::2].sum() * 0.2) == pytest.approx(float(f[-1] - f[0]))
 
 
@@ -45,5 +45,5 @@ def test_interpolation_of_a_cubic_is_exact_between_cells_and_at_the_ends():
 
 def test_the_laplacian_on_a_radius_is_finite_at_the_centre():
     operators = Staggered(Grid((Axis("x", 2.0, 10, "staggered", radial=True),)))
-    found = operators.on_grid(operators.laplacian(Value(X**2)))
+    found = torch.as_tensor(operators.on_grid(operators.laplacian(Value(X**2))))
     assert found[:19] == pytest.approx(torch.full((19,), 4.0, dtype=torch.float64))
