@@ -19,6 +19,8 @@ from dashred.physics.system_schema import Axis, System
 SMOOTH = ("length", "modes")
 PROCESS = ("kind", *SMOOTH, "apply")
 KIND = "gaussian-process"
+# A step of finite volumes has dense matrices, and a check of the resolution quadruples the cells.
+MOST_CELLS = 300
 ENDS = ("periodic", "insulated", "fixed")
 SIDES_EXAMPLE = "for example {left: {value: 10}, right: insulated}"
 
@@ -126,6 +128,10 @@ def _check_ends(name: str, axis: Axis, system: System, where: Where) -> None:
         what = "an axis with a condition for each side has finite volumes"
         hint = "remove integrator.space"
         raise InputError(what, where=where("system.integrator.space"), hint=hint)
+    if has_sides and axis.points * len(system.fields) > MOST_CELLS:
+        what = f"{axis.points} cells of {len(system.fields)} fields are too many for one run"
+        hint = f"conditions for each side allow at most {MOST_CELLS} cells, over all fields"
+        raise InputError(what, where=where(f"system.axes.{name}.points"), hint=hint)
     if isinstance(axis.ends, dict) and system.snapshots is not None:
         what = "a black-box simulator cannot have a condition for each side"
         raise InputError(what, where=where(key), hint=f"remove {key}")

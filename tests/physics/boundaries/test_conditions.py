@@ -84,6 +84,11 @@ def test_conditions_need_one_axis(make_system):
         """)
 
 
+def test_too_many_cells_are_refused(make_system):
+    with pytest.raises(InputError, match="200 cells of 2 fields are too many"):
+        declared(make_system, "{left: fixed, right: fixed}", axis="length: 1, points: 200")
+
+
 def test_the_centre_of_a_radius_has_no_condition(make_system):
     with pytest.raises(InputError, match="centre of a radial axis"):
         declared(
