@@ -1,4 +1,4 @@
-"""Interpolation weights of a field on a uniform periodic grid."""
+"""Interpolation weights of a field on a uniform grid."""
 
 from __future__ import annotations
 
@@ -9,6 +9,22 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.data.sensors import ObservedAxis
+from dashred.physics.grids.cell_interpolation import cell_weights
+
+
+def interpolation_weights(
+    axis: ObservedAxis, positions: Float[Tensor, " sensor"], is_band_limited: bool
+) -> Float[Tensor, "sensor point"]:
+    """Return the weights of the interpolation that suits the discretisation of an axis.
+
+    Args:
+        axis: of the grid.
+        positions: in the unit of the axis.
+        is_band_limited: whether the fields are spectral.
+    """
+    if axis.staggered:
+        return cell_weights(axis, positions)
+    return (trigonometric_weights if is_band_limited else linear_weights)(axis, positions)
 
 
 def trigonometric_weights(

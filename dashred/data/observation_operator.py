@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from dashred.data.interpolation import linear_weights, trigonometric_weights
+from dashred.data.interpolation import interpolation_weights
 from dashred.data.sensors import Sensor, SystemDescription, check_sensor
 
 
@@ -28,9 +28,9 @@ class ObservedSystem(SystemDescription, Protocol):
 class ObservationOperator(nn.Module):
     """``y = H(v)``: evaluate each sensor's quantity on the grid and interpolate it to the sensor.
 
-    Interpolation is trigonometric for spectral systems and linear for finite differences; in
-    several dimensions the weights are products of one-dimensional weights. The operator is
-    differentiable and works in the dtype of the state.
+    Interpolation is trigonometric for spectral systems, linear for finite differences and cubic
+    for finite volumes; in several dimensions the weights are products of one-dimensional weights.
+    The operator is differentiable and works in the dtype of the state.
     """
 
     _weights: Tensor
@@ -80,11 +80,10 @@ class ObservationOperator(nn.Module):
 
 
 def _weights(sensors: Sequence[Sensor], system: ObservedSystem) -> Float[Tensor, "sensor grid"]:
-    interpolate = trigonometric_weights if system.spectral else linear_weights
     weights = torch.ones(len(sensors), 1, dtype=torch.float64)
     for index, axis in enumerate(system.axes):
         places = torch.tensor([s.position[index] for s in sensors], dtype=torch.float64)
-        along = interpolate(axis, places)
+        along = interpolation_weights(axis, places, system.spectral)
         weights = (weights[:, :, None] * along[:, None, :]).flatten(1)
     return weights
 

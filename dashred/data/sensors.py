@@ -34,8 +34,16 @@ class ObservedAxis(Protocol):
         """Length of the ring: the axis itself if periodic, else twice its length."""
 
     @property
+    def points(self) -> int:
+        """Number of grid steps, or of cells."""
+
+    @property
     def ring_points(self) -> int:
         """Number of points on the ring."""
+
+    @property
+    def staggered(self) -> bool:
+        """Whether the points are cells and faces."""
 
 
 @runtime_checkable

@@ -7,10 +7,13 @@ from functools import cached_property
 
 from dashred.core.errors import InputError
 from dashred.physics import system_schema as schema
+from dashred.physics.boundaries.conditions import Sides, read_conditions
+from dashred.physics.boundaries.entries import one_sided_axis, with_offsets
 from dashred.physics.definitions import Definitions, check_order
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import Expr
 from dashred.physics.expressions.lookup import Points
+from dashred.physics.expressions.nodes import has_call
 from dashred.physics.expressions.parser import Vocabulary, parse
 from dashred.physics.expressions.reflection import Reflection
 from dashred.physics.methods import METHODS
@@ -26,6 +29,8 @@ class Declaration:
         equations: tendency of each field, in the user's names.
         resolved: the equations with lets and parameters substituted, so that only fields,
             coordinates and ``t`` remain, extended to the rings of axes with ends.
+        has_conditions: whether the axis has a condition for each side.
+        conditions: the conditions of every field, by side; empty without them.
         method: the time stepper.
         tableau: Butcher tableau of a Runge–Kutta method with fixed steps, else None.
 
@@ -35,9 +40,12 @@ class Declaration:
     """
 
     def __init__(self, config: schema.System, where: Callable[[str], str]) -> None:
-        self.config, self.where = config, where
+        self.config, self.where = with_offsets(config, where), where
+        config = self.config
         self.title, self.fields = config.title, tuple(config.fields)
-        self.spectral = bool(config.axes) and config.integrator.space == "spectral"
+        self.has_conditions = one_sided_axis(config) is not None
+        is_spectral = config.integrator.space == "spectral" and not self.has_conditions
+        self.spectral = bool(config.axes) and is_spectral
         self.method, self.tableau = self._method()
         self.lets: dict[str, Expr] = {}
         for name, text in config.let.items():
@@ -48,6 +56,7 @@ class Declaration:
             field: self.parse(text, f"system.equations.{field}", equation=field)
             for field, text in config.equations.items()
         }
+        self.conditions = self._conditions()
         self._definitions = Definitions(config.parameters, self.lets, where)
         self.resolved = {
             field: self.ready(expr, field, f"system.equations.{field}")
@@ -59,8 +68,9 @@ class Declaration:
     def reflection(self) -> Reflection:
         """Extension of expressions beyond the ends of axes that are not periodic."""
         axes = self.config.axes
-        ends = [name for name, axis in axes.items() if axis.ends != "periodic"]
-        odd = frozenset(name for name, axis in axes.items() if axis.ends == "fixed")
+        mirrored = {} if self.has_conditions else axes
+        ends = [name for name, axis in mirrored.items() if axis.ends != "periodic"]
+        odd = frozenset(name for name, axis in mirrored.items() if axis.ends == "fixed")
         return Reflection(dict.fromkeys(self.fields, odd), ends)
 
     @property
@@ -104,8 +114,13 @@ class Declaration:
             InputError: see :func:`dashred.physics.expressions.parser.parse`.
         """
         axes = tuple(self.config.axes)
-        vocabulary = Vocabulary(self.names | extra, axes, equation, self._tables)
-        return parse(str(text), vocabulary, where=self.where(key))
+        radial = any(axis.coordinates == "radial" for axis in self.config.axes.values())
+        vocabulary = Vocabulary(self.names | extra, axes, equation, self._tables, radial)
+        expr = parse(str(text), vocabulary, where=self.where(key))
+        if self.has_conditions and has_call(expr, "inv_lap"):
+            what = "inv_lap is not available on an axis with a condition for each side"
+            raise InputError(what, where=self.where(key), hint="remove the term")
+        return expr
 
     def without_lets(self, expr: Expr, kept: str = "") -> Expr:
         """Substitute lets in an expression, but no parameters and not the let ``kept``."""
@@ -131,13 +146,29 @@ class Declaration:
         odd = self.reflection.fields[equation]
         return self.reflection.extend(self.resolve(expr, key), odd)
 
+    def _conditions(self) -> dict[str, Sides]:
+        """Return the conditions for each side, without lets.
+
+        Raises:
+            InputError: see :func:`.boundaries.conditions.read_conditions`.
+        """
+        if not self.has_conditions:
+            return {}
+        equations = {field: self.without_lets(expr) for field, expr in self.equations.items()}
+
+        def parsed(text: str, key: str) -> Expr:
+            return self.without_lets(self.parse(text, key))
+
+        return read_conditions(self.config, equations, parsed, self.where)
+
     def _method(self) -> tuple[str, Tableau | None]:
         """Return the configured or default time stepper and its tableau.
 
         Raises:
             InputError: the time stepper does not fit the system.
         """
-        allowed = METHODS[self.config.integrator.space if self.config.axes else "ode"]
+        space = "finite-volume" if self.has_conditions else self.config.integrator.space
+        allowed = METHODS[space if self.config.axes else "ode"]
         method = self.config.integrator.method or next(iter(allowed))
         if method not in allowed:
             raise InputError(

@@ -84,7 +84,9 @@ def default_terms(system: System) -> list[str]:
         return terms + list(_pointwise(fields, angles(system)))
     terms += [f"{wave}({f})" for f in fields if f in angles(system) for wave in ("sin", "cos")]
     if len(system.axes) == 1:
-        return terms + list(_derivatives_on_a_line(fields, system.axes[0].name))
+        [axis] = system.axes
+        on_radius = [f"lap({f})" for f in fields] if axis.radial else []
+        return terms + on_radius + list(_derivatives_on_a_line(fields, axis.name))
     return terms + list(_derivatives_in_the_plane(fields, [axis.name for axis in system.axes]))
 
 

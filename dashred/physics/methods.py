@@ -9,6 +9,7 @@ from dashred.physics.runge_kutta import EULER, MIDPOINT, SSPRK3, THREE_EIGHTHS, 
 METHODS: Mapping[str, Mapping[str, Tableau | None]] = {
     "spectral": {"etdrk4": None},
     "finite-difference": {"ssprk3": SSPRK3},
+    "finite-volume": {"etdrk4": None},
     "ode": {
         "rk4": THREE_EIGHTHS,
         "dopri5": None,
@@ -21,6 +22,6 @@ METHODS: Mapping[str, Mapping[str, Tableau | None]] = {
 """Methods for each kind of spatial discretisation, with their tableaux; the first is the default.
 
 A method with a tableau takes fixed steps; its interpreted, compiled and differentiated versions
-all use the tableau. ``etdrk4`` is in :mod:`dashred.physics.solvers.etdrk4`. The others are the
-adaptive methods of torchdiffeq.
+all use the tableau. ``etdrk4`` is in :mod:`dashred.physics.solvers.etdrk4`, and for finite volumes
+in :mod:`dashred.physics.cells.integrate`. The others are the adaptive methods of torchdiffeq.
 """

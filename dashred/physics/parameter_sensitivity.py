@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Set
 
-from dashred.physics.expressions.algebra import ZERO, Call, Expr, Where, children, names
+from dashred.physics.boundaries.responses import condition_slopes
+from dashred.physics.expressions.algebra import ZERO, Call, Expr, Where, add, children, names
 from dashred.physics.expressions.differentiate import NotDifferentiableError, differentiate
 from dashred.physics.system import System
 
@@ -29,15 +30,19 @@ def parameter_tendency(system: System, parameter: str) -> dict[str, Expr]:
 def parameter_slopes(system: System, parameter: str) -> dict[str, Expr]:
     """Return ``∂N/∂p`` of every equation, with lets substituted and parameters by name.
 
+    It includes the effect through conditions at the ends of the axis.
+
     Raises:
         KeyError: the system has no such parameter.
         NotDifferentiableError: see :func:`differentiate`.
     """
     if parameter not in system.config.parameters:
         raise KeyError(parameter)
+    equations = {name: system.without_lets(expr) for name, expr in system.equations.items()}
+    by_conditions = condition_slopes(equations, system.conditions, parameter)
     return {
-        equation: differentiate(system.without_lets(expr), parameter)
-        for equation, expr in system.equations.items()
+        equation: add((differentiate(expr, parameter), by_conditions[equation]))
+        for equation, expr in equations.items()
     }
 
 

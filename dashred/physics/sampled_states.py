@@ -79,7 +79,7 @@ def random_waves(grid: Grid, fields: int) -> Float[Tensor, "wavelength draw fiel
 def _symmetrised(grid: Grid, field: Tensor) -> Tensor:
     """Return the part of a field that has the mirror symmetry at the ends of every axis."""
     for dim, axis in zip(grid.dims, grid.axes, strict=True):
-        if not axis.periodic:
+        if axis.mirrored:
             image = field.flip(dim).roll(1, dim)
             field = field + (image if axis.ends == "insulated" else -image)
     return field

@@ -13,13 +13,20 @@ from torch import Tensor
 from dashred.physics import system_schema as schema
 from dashred.physics.backends.input_signals import NO_INPUTS, Array, InputSignals
 from dashred.physics.backends.torch_backend import Program
+from dashred.physics.boundaries.extension import Extension
 from dashred.physics.declaration import Declaration
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import Expr
 from dashred.physics.expressions.parser import number
 from dashred.physics.grids.grid import Axis, Grid
 from dashred.physics.grids.grid_value import Value
-from dashred.physics.grids.operators import FiniteDifferences, NoSpace, Operators, Spectral
+from dashred.physics.grids.operators import (
+    FiniteDifferences,
+    NoSpace,
+    Operators,
+    Spectral,
+    Staggered,
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,7 +70,23 @@ class System(Declaration):
         """Spatial operators of the system's grid."""
         if not self.grid.axes:
             return NoSpace()
+        if self.has_conditions:
+            return Staggered(self.grid)
         return Spectral(self.grid) if self.spectral else FiniteDifferences(self.grid)
+
+    @cached_property
+    def extension(self) -> Extension:
+        """Fields at all points from their cells; for an axis with a condition for each side."""
+        conditions = {
+            field: {
+                side: dataclasses.replace(
+                    condition, given=self.resolve(condition.given, condition.key)
+                )
+                for side, condition in sides.items()
+            }
+            for field, sides in self.conditions.items()
+        }
+        return Extension(self.grid.axes[0], conditions, self.input_signals)
 
     @property
     def axes(self) -> tuple[Axis, ...]:
@@ -135,6 +158,8 @@ class System(Declaration):
     def coordinates_and_inputs(self, t: float | Array, device: torch.device) -> dict[str, Value]:
         """Return the values of coordinates, time and inputs."""
         named = {k: Value(v.to(device)) for k, v in self.grid.places.items()}
+        if self.has_conditions:
+            named |= {k: Value(v.to(device)) for k, v in self.extension.responses.items()}
         clock = {"t": t, **self.input_signals.at(t)}
         return named | {
             name: Value(torch.as_tensor(now, dtype=torch.float64, device=device))
@@ -144,7 +169,9 @@ class System(Declaration):
 
 def _axis(name: str, axis: schema.Axis, where: Callable[[str], str]) -> Axis:
     length = _number(axis.length, where(f"system.axes.{name}.length"))
-    return Axis(name, length, axis.points, axis.ends)
+    has_sides = isinstance(axis.ends, dict) or axis.coordinates == "radial"
+    ends = "staggered" if has_sides else axis.ends
+    return Axis(name, length, axis.points, ends, axis.coordinates == "radial")
 
 
 def _step(integrator: schema.Integrator) -> float:

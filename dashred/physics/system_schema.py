@@ -16,11 +16,19 @@ class Axis:
     """Length of the axis."""
 
     points: Annotated[int, Limit(at_least=8, at_most=1_000_000)]
-    """Number of grid steps. A periodic axis has as many points, any other axis one more."""
+    """Number of grid steps. A periodic axis has as many points, any other axis one more. With a
+    condition for each side it is the number of cells."""
 
-    ends: Literal["periodic", "insulated", "fixed"] = "periodic"
+    ends: Any = "periodic"
     """Boundary condition at both ends: periodic, insulated (zero slope) or fixed (every field
-    zero)."""
+    zero). Or a condition for each side of the only axis, ``{left: …, right: …}``. A condition is
+    insulated, fixed, outflow, or ``{value: EXPR}``, ``{slope: EXPR}`` or ``{flux: EXPR}`` with an
+    expression in t, parameters and inputs. Fields with different conditions are listed by name:
+    ``left: {T: {value: T_top}, S: insulated}``."""
+
+    coordinates: Literal["cartesian", "radial"] = "cartesian"
+    """Whether the axis is a straight line, or the radius of a cylinder from its centre: there lap
+    is ``d(r*d(u, r), r)/r``, and only the right end has a condition."""
 
 
 @dataclass
@@ -54,10 +62,10 @@ class Integrator:
     """Integration in time and differentiation in space."""
 
     method: str | None
-    """Time stepper; null takes the default. A system with axes has ``etdrk4`` (spectral) or
-    ``ssprk3`` (finite differences). An ODE has ``rk4``, ``midpoint``, ``euler``, or the adaptive
-    ``dopri5``, ``dopri8`` and ``bosh3``; with the adaptive methods a run takes many times as
-    long."""
+    """Time stepper; null takes the default. A system with axes has ``etdrk4`` (spectral, and finite
+    volumes for an axis with a condition for each side) or ``ssprk3`` (finite differences). An ODE
+    has ``rk4``, ``midpoint``, ``euler``, or the adaptive ``dopri5``, ``dopri8`` and ``bosh3``; with
+    the adaptive methods a run takes many times as long."""
 
     dt: Time | None
     """Largest time step. Null chooses it from a recording: half of it changes the readings over

@@ -14,11 +14,15 @@ from dashred.config.checks.tables import check_tables
 from dashred.config.layers import evaluate
 from dashred.config.schema.types import Where
 from dashred.core.errors import InputError, nearest
-from dashred.physics.system_schema import System
+from dashred.physics.system_schema import Axis, System
 
 SMOOTH = ("length", "modes")
 PROCESS = ("kind", *SMOOTH, "apply")
 KIND = "gaussian-process"
+# A step of finite volumes has dense matrices, and a check of the resolution quadruples the cells.
+MOST_CELLS = 300
+ENDS = ("periodic", "insulated", "fixed")
+SIDES_EXAMPLE = "for example {left: {value: 10}, right: insulated}"
 
 
 def check_system(system: System, where: Where) -> None:
@@ -94,12 +98,43 @@ def _check_axes(system: System, where: Where) -> None:
     if len(system.axes) > 2:
         raise InputError("a system has at most two axes", where=where("system.axes"))
     for name, axis in system.axes.items():
-        if axis.ends != "periodic" and system.integrator.space != "spectral":
+        _check_ends(name, axis, system, where)
+        if axis.ends in ENDS[1:] and system.integrator.space != "spectral":
             raise InputError(
                 f"an axis with {axis.ends} ends needs spectral operators",
                 where=where(f"system.axes.{name}.ends"),
                 hint="remove integrator.space, or make the axis periodic",
             )
+
+
+def _check_ends(name: str, axis: Axis, system: System, where: Where) -> None:
+    """Check the form of ``ends``; the conditions for each side are checked with the equations."""
+    key = f"system.axes.{name}.ends"
+    if not isinstance(axis.ends, str | dict) or (
+        isinstance(axis.ends, str) and axis.ends not in ENDS
+    ):
+        what = f"{key} must be {', '.join(ENDS)}, or a section of sides; got {axis.ends!r}"
+        hint = nearest(axis.ends, ENDS) if isinstance(axis.ends, str) else SIDES_EXAMPLE
+        raise InputError(what, where=where(key), hint=hint)
+    if axis.coordinates == "radial" and axis.ends == "periodic":
+        what = f"the radial axis {name} has no condition at its outer end"
+        raise InputError(what, where=where(f"system.axes.{name}"), hint=f"set {key}: insulated")
+    has_sides = isinstance(axis.ends, dict) or axis.coordinates == "radial"
+    if has_sides and len(system.axes) > 1:
+        what = "conditions for each side, and radial axes, are for systems with one axis"
+        hint = f"set {key} to {', '.join(ENDS)}"
+        raise InputError(what, where=where(key), hint=hint)
+    if has_sides and system.integrator.space != "spectral":
+        what = "an axis with a condition for each side has finite volumes"
+        hint = "remove integrator.space"
+        raise InputError(what, where=where("system.integrator.space"), hint=hint)
+    if has_sides and axis.points * len(system.fields) > MOST_CELLS:
+        what = f"{axis.points} cells of {len(system.fields)} fields are too many for one run"
+        hint = f"conditions for each side allow at most {MOST_CELLS} cells, over all fields"
+        raise InputError(what, where=where(f"system.axes.{name}.points"), hint=hint)
+    if isinstance(axis.ends, dict) and system.snapshots is not None:
+        what = "a black-box simulator cannot have a condition for each side"
+        raise InputError(what, where=where(key), hint=f"remove {key}")
 
 
 def _check_fields(key: str, names: Iterable[str], system: System, where: Where) -> None:

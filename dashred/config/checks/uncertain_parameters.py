@@ -18,6 +18,7 @@ def check_uncertain_parameters(declared: Declaration) -> None:
     if not spreads:
         return
     equations = [declared.without_lets(expr) for expr in declared.equations.values()]
+    equations += [end.given for sides in declared.conditions.values() for end in sides.values()]
     for name in spreads:
         place = declared.where(f"system.parameter_spread.{name}")
         if not any(name in names(equation) for equation in equations):

@@ -65,12 +65,14 @@ ParameterChange = TypedDict(
         "region": list[Region] | None,
         "exact": bool,
         "unit": NotRequired[str],
+        "meaning": NotRequired[str],
         "says": NotRequired[str],
     },
 )
 """A parameter with a wrong value: `coefficient` is ``to - from``, `ci95` that of the new value.
 `aliases` are other parameters whose change has the same effect. The change is `exact`, or else of
-first order. `unit` is the stated unit, if any."""
+first order. `unit` is the stated unit, if any. `meaning` is what the offset of a boundary condition
+is added to, such as ``value of T at the left end``."""
 
 
 class FittedParameter(TypedDict):

@@ -112,7 +112,7 @@ def episodes_of_table(
         sensors = [*read_sensors(places, system, stated)]
     columns, left_out = split_columns(table, columns, [sensor.name for sensor in sensors])
     if places is not None:
-        check_recorded(sensors, columns, table, places)
+        check_recorded(sensors, columns, table, places, system.inputs)
     by_name = {sensor.name: sensor for sensor in sensors}
     sensors = [by_name[column] for column in columns]
     sensors, conversions = convert_sensors(sensors, table, places, stated)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from dashred.core.errors import InputError, nearest
 from dashred.data.io.columns import Columns
@@ -67,14 +67,23 @@ def check_no_axes(table: Columns, system: SystemDescription) -> None:
 
 
 def check_recorded(
-    sensors: Sequence[Sensor], columns: Sequence[str], table: Columns, places: Columns
+    sensors: Sequence[Sensor],
+    columns: Sequence[str],
+    table: Columns,
+    places: Columns,
+    inputs: Mapping[str, str],
 ) -> None:
     """Check that every sensor of a table has its column in the recording.
 
     Raises:
-        InputError: one has none.
+        InputError: one has none, or its column is an input.
     """
+    driving = {column: name for name, column in inputs.items()}
     for sensor in sensors:
+        if sensor.name in driving:
+            problem = f"column {sensor.name!r} is the input {driving[sensor.name]}, so it cannot be"
+            hint = "remove its line here: the simulator already gets its readings"
+            raise InputError(f"{problem} a sensor, too", where=places.path, hint=hint)
         if sensor.name not in columns:
             problem = f"sensor {sensor.name!r} has no column in the recording {table.path}"
             raise InputError(problem, where=places.path, hint=nearest(sensor.name, table.columns))

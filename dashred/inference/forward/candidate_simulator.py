@@ -9,18 +9,20 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 
 import torch
 from torch import Tensor
 
 from dashred.inference.forward.candidates import Candidate, build_forcing
+from dashred.physics.cells.compiled import CompiledCells
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.solvers.batch_coefficients import CoefficientLayout
 from dashred.physics.solvers.compiled_etdrk4 import CompiledETDRK4
 from dashred.physics.solvers.compiled_simulator import CompiledSystem, compile_system
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
+from dashred.physics.tangents.cell_tangents import has_cell_tangents, tangent_cells
 from dashred.physics.tangents.compiled_trajectory import CompiledTrajectory
 from dashred.physics.tangents.ode_tangents import has_ode_tangents, tangent_ode
 from dashred.physics.tangents.tangent_linear import has_spectral_tangents, tangent_linear
@@ -62,8 +64,9 @@ class CandidateSimulator:
             self._columns[candidate.key] = [*range(first, first + len(candidate.terms))]
             first += len(candidate.terms)
         self._layout = CoefficientLayout(len(self.terms), shapes)
-        self.has_tangents = has_spectral_tangents(system, self.terms) or has_ode_tangents(
-            system, self.terms
+        self.has_tangents = any(
+            supports(system, self.terms)
+            for supports in (has_spectral_tangents, has_ode_tangents, has_cell_tangents)
         )
 
     @cached_property
@@ -71,10 +74,10 @@ class CandidateSimulator:
         return compile_system(self.system, self.terms, self.shapes)
 
     @property
-    def compiled(self) -> CompiledETDRK4 | None:
-        """The compiled spectral simulator; None before the first run, and for other systems."""
+    def compiled(self) -> CompiledETDRK4 | CompiledCells | None:
+        """The compiled simulator of fields; None before the first run, and for other systems."""
         compiled = vars(self).get("_run")
-        return compiled if isinstance(compiled, CompiledETDRK4) else None
+        return compiled if isinstance(compiled, CompiledETDRK4 | CompiledCells) else None
 
     def has_compiled(self, candidates: Sequence[Candidate]) -> bool:
         """Return whether compiled code integrates trajectories with these candidates.
@@ -160,10 +163,16 @@ class CandidateSimulator:
         base = self.tangent, start, directions, times, forcing, sources
         if not self.system.axes:
             return tangent_ode(*base, sampled_forcing, forcing_basis)
-        compiled, reference = self.compiled, None
-        if compiled is not None and weights is not None:
-            compiled = compiled.with_step(self.tangent.dt)
-            reference = CompiledTrajectory(compiled, weights, sampled_forcing)
+        compiled = self.compiled
+        if self.system.has_conditions:
+            stages = None
+            if isinstance(compiled, CompiledCells) and weights is not None:
+                stages = partial(compiled.stages, weights, sampled_forcing)
+            return tangent_cells(*base, sampled_forcing, forcing_basis, stages)
+        reference = None
+        if isinstance(compiled, CompiledETDRK4) and weights is not None:
+            own = compiled.with_step(self.tangent.dt)
+            reference = CompiledTrajectory(own, weights, sampled_forcing)
         return tangent_linear(*base, torch.float32, sampled_forcing, forcing_basis, reference)
 
     def _by_term(self, candidates: Sequence[Candidate], xi: Tensor) -> Tensor:

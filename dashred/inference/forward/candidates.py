@@ -10,6 +10,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from dashred.physics.cells.operator_matrices import fastest_linear_rate
 from dashred.physics.expressions.linear import split_linear
 from dashred.physics.expressions.reflection import without_sides
 from dashred.physics.grids.fourier_symbols import symbols
@@ -215,7 +216,8 @@ def stable_limit(system: System, terms: Sequence[Term]) -> float:
         terms: θ, by equation; resolved.
     """
     if not isinstance(system.operators, Spectral):
-        return math.inf
+        rate = fastest_linear_rate(system, terms) if system.has_conditions else 0.0
+        return 1.0 / (rate * system.dt) if rate else math.inf
     fastest = 0.0
     for term in terms:
         bare = without_sides(term.expression)

@@ -18,6 +18,7 @@ from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN, Discovery
 from dashred.inference.results.parameter_change import exact_change, is_exact, parameter_change
 from dashred.inference.results.posterior_probabilities import inclusion
+from dashred.physics.boundaries.entries import offset_meanings
 from dashred.physics.system import System
 from dashred.physics.term_units import coefficient_unit
 from dashred.physics.window import Window
@@ -175,6 +176,8 @@ def _parameter(system: System, law: Law, index: int, included: float) -> Paramet
     }
     if candidate.name in system.units:
         found["unit"] = system.units[candidate.name]
+    if meaning := offset_meanings(system.config, system.where).get(candidate.name):
+        found["meaning"] = meaning
     return found
 
 

@@ -13,6 +13,7 @@ import math
 from dashred.physics.expressions.algebra import (
     Expr,
     Number,
+    names,
     split_coefficient,
     substitute,
     summands,
@@ -48,13 +49,16 @@ def is_exact(system: System, parameter: str, xi: float) -> bool:
 def exact_change(system: System, parameter: str, xi: float) -> float | None:
     """Return the change with exactly the effect of the law; None if there is none.
 
+    That of a parameter in a condition at an end of the axis may be correct to first order only.
+
     See :func:`parameter_change` for the arguments.
     """
     tangent = _Tangent(system, parameter)
     if tangent.is_constant:
         return xi
     if not tangent.is_proportional:
-        return None
+        # The equations cannot contain the tangent of a boundary condition.
+        return xi if _is_in_condition(system, parameter) else None
     value = tangent.integrate(tangent.old_value, xi)
     returned_value = tangent.integrate(value, -xi)
     # Beyond a pole, such as an infinite divisor, the integration does not return to p₀.
@@ -62,6 +66,12 @@ def exact_change(system: System, parameter: str, xi: float) -> float | None:
         value - tangent.old_value
     )
     return value - tangent.old_value if is_reversible else None
+
+
+def _is_in_condition(system: System, parameter: str) -> bool:
+    """Return whether a condition at an end of the axis reads a parameter."""
+    given = (end.given for sides in system.conditions.values() for end in sides.values())
+    return any(parameter in names(expr) for expr in given)
 
 
 class _Tangent:

@@ -106,6 +106,18 @@ def names(expr: Expr) -> frozenset[str]:
     return frozenset().union(*(names(child) for child in children(expr)))
 
 
+def has_call(expr: Expr, function: str) -> bool:
+    """Return whether the expression contains a function or spatial operator."""
+    if isinstance(expr, Call) and expr.function == function:
+        return True
+    return any(has_call(child, function) for child in children(expr))
+
+
+def has_flux(expr: Expr) -> bool:
+    """Return whether the expression contains an upwind flux."""
+    return isinstance(expr, Flux) or any(map(has_flux, children(expr)))
+
+
 def to_text(expr: Expr) -> str:
     """Write the expression in the equation language; parsing it again gives an equal tree."""
     match expr:

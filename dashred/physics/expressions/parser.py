@@ -49,12 +49,14 @@ class Vocabulary:
         axes: spatial axes.
         transported: field that its fluxes transport; empty for none.
         tables: points of each table.
+        radial: whether the only axis is a radius, on which lap is not the second derivative.
     """
 
     names: frozenset[str]
     axes: tuple[str, ...] = ()
     transported: str = ""
     tables: Mapping[str, Points] = field(default_factory=dict)
+    radial: bool = False
 
 
 def parse(text: str, vocabulary: Vocabulary, *, where: str) -> Expr:
@@ -262,7 +264,7 @@ class _Reader:
 
     def read_operator(self, function: str, operand: Expr, rest: list[ast.expr]) -> Expr:
         axes = self.vocabulary.axes
-        if function == "lap" and len(axes) == 1:
+        if function == "lap" and len(axes) == 1 and not self.vocabulary.radial:
             return algebra.derivative(operand, axes[0], 2)
         if function == "grad2" and len(axes) == 1:
             return algebra.power(algebra.derivative(operand, axes[0], 1), Number(2.0))

@@ -1,4 +1,4 @@
-"""Uniform periodic grids; an axis with ends is extended to a ring by its mirror image."""
+"""Uniform grids; an axis with equal ends is extended to a ring by its mirror image."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from dashred.physics.expressions.reflection import side
+from dashred.physics.grids.cell_interpolation import cell_weights
 
 
 @dataclass(frozen=True)
@@ -18,24 +19,28 @@ class Axis:
 
     A periodic axis is a ring. An axis with ends is one half of a ring; the other half is its
     mirror image (:mod:`dashred.physics.expressions.reflection`), where point ``2·points - j`` is
-    the image of point j.
+    the image of point j. A staggered axis, which has a condition for each side, has no image: the
+    centres of its cells are at odd points and their faces at even points
+    (:mod:`dashred.physics.grids.staggered`).
 
     Attributes:
         name: of the coordinate.
         length: from end to end, or once around the ring.
-        points: number of grid steps in the length.
-        ends: ``periodic``, ``insulated`` or ``fixed``.
+        points: number of grid steps in the length; of cells, if staggered.
+        ends: ``periodic``, ``insulated``, ``fixed`` or ``staggered``.
+        radial: whether the coordinate is the distance from the axis of a cylinder.
     """
 
     name: str
     length: float
     points: int
     ends: str = "periodic"
+    radial: bool = False
 
     @property
     def spacing(self) -> float:
         """Distance between neighbouring points, in the axis' unit."""
-        return self.length / self.points
+        return self.length / (2 * self.points if self.staggered else self.points)
 
     @property
     def periodic(self) -> bool:
@@ -43,8 +48,20 @@ class Axis:
         return self.ends == "periodic"
 
     @property
+    def staggered(self) -> bool:
+        """Whether its points are cells and faces, without a mirror image."""
+        return self.ends == "staggered"
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the ring contains a mirror image."""
+        return not self.periodic and not self.staggered
+
+    @property
     def ring_points(self) -> int:
-        """Number of points on the ring."""
+        """Number of points on the ring; of a staggered axis, on the axis."""
+        if self.staggered:
+            return 2 * self.points + 1
         return self.points if self.periodic else 2 * self.points
 
     @property
@@ -55,7 +72,7 @@ class Axis:
     @property
     def own_points(self) -> int:
         """Number of points on the axis itself, including both ends but not the mirror image."""
-        return self.points if self.periodic else self.points + 1
+        return self.points + 1 if self.mirrored else self.ring_points
 
     @property
     def own(self) -> slice:
@@ -123,7 +140,7 @@ class Grid:
         found = {}
         for index, axis in enumerate(self.axes):
             ring = torch.arange(axis.ring_points, dtype=torch.float64)
-            points = ring if axis.periodic else torch.minimum(ring, axis.ring_points - ring)
+            points = torch.minimum(ring, axis.ring_points - ring) if axis.mirrored else ring
             found[axis.name] = (points * axis.spacing).reshape(self._broadcast(index))
         return found
 
@@ -132,7 +149,7 @@ class Grid:
         """Side of every axis with ends, by name: 1 on the axis, -1 on the image, 0 at the ends."""
         found = {}
         for index, axis in enumerate(self.axes):
-            if not axis.periodic:
+            if axis.mirrored:
                 ring = torch.arange(axis.ring_points)
                 signs = torch.sign(axis.points - ring) * torch.sign(ring)
                 found[side(axis.name)] = signs.double().reshape(self._broadcast(index))
@@ -152,7 +169,7 @@ class Grid:
     def ring(self, states: Tensor) -> Tensor:
         """Extend fields that :meth:`own` has cropped by their mirror images, ``(…, *grid)``."""
         for dim, axis in zip(self.dims, self.axes, strict=True):
-            if not axis.periodic:
+            if axis.mirrored:
                 image = states.narrow(dim, 1, axis.points - 1).flip(dim)
                 sign = 1.0 if axis.ends == "insulated" else -1.0
                 states = torch.cat([states, sign * image], dim=dim)
@@ -170,9 +187,16 @@ class Grid:
         return tuple(found)
 
     def interpolate(self, states: Tensor, finer: Grid) -> Tensor:
-        """Return the band-limited interpolation of ``(…, *grid)`` to ``(…, *finer.grid)``."""
+        """Return the interpolation of ``(…, *grid)`` to ``(…, *finer.grid)``.
+
+        It is band-limited on rings, and cubic on a staggered axis.
+        """
         for dim, axis, target in zip(self.dims, self.axes, finer.axes, strict=True):
-            states = _resample(states, dim, axis.ring_points, target.ring_points)
+            if axis.staggered:
+                places = torch.arange(target.ring_points, dtype=torch.float64) * target.spacing
+                states = states @ cell_weights(axis, places).T
+            else:
+                states = _resample(states, dim, axis.ring_points, target.ring_points)
         return states
 
     def _broadcast(self, index: int) -> tuple[int, ...]:

@@ -1,7 +1,7 @@
 """Interface of spatial operators.
 
-:class:`Spectral` and :class:`FiniteDifferences` have the same operations on a :class:`Value`, so
-that an equation works with both; :class:`NoSpace` is for ODE systems.
+:class:`Spectral`, :class:`FiniteDifferences` and :class:`Staggered` have the same operations on a
+:class:`Value`, so that an equation works with each; :class:`NoSpace` is for ODE systems.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ from dashred.physics.grids.finite_differences import FiniteDifferences
 from dashred.physics.grids.grid import Grid
 from dashred.physics.grids.grid_value import Value, on_points, total
 from dashred.physics.grids.spectral import Spectral
+from dashred.physics.grids.staggered import Staggered
 
-__all__ = ["FiniteDifferences", "NoSpace", "Operators", "Spectral", "Value", "total"]
+__all__ = ["FiniteDifferences", "NoSpace", "Operators", "Spectral", "Staggered", "Value", "total"]
 
 
 class Operators(Protocol):

@@ -30,6 +30,9 @@ def integral(grid: Grid, field: Float[Tensor, "*batch_and_grid"]) -> Float[Tenso
 def _weights(axis: Axis) -> Tensor:
     """Return ``w_j = (1/M) Σ_k e^{-i k x_j} ∫₀ᴸ e^{i k x} dx``, ``(point,)``."""
     points = axis.ring_points
+    if axis.staggered:
+        # The midpoint rule over the cells, which are at odd points.
+        return 2 * axis.spacing * (torch.arange(points) % 2).double()
     k = 2 * torch.pi * torch.fft.fftfreq(points, d=axis.spacing, dtype=torch.float64)
     turned = torch.exp(1j * k * axis.length) - 1
     waves = torch.where(k == 0, axis.length + 0j, turned / (1j * torch.where(k == 0, 1.0, k)))

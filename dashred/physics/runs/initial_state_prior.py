@@ -124,7 +124,7 @@ def _wavenumbers(axis: Axis) -> range:
     """Return the wavenumbers on a ring; with mirror symmetry, only one of each pair."""
     if axis.periodic:
         return range(-(axis.points // 2) + 1, axis.points // 2)
-    return range(0 if axis.ends == "insulated" else 1, axis.points)
+    return range(1 if axis.ends == "fixed" else 0, axis.points)
 
 
 def _wave(grid: Grid, k: list[float]) -> Tensor:

@@ -8,16 +8,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from dashred.physics.backends.channels import Channels
 from dashred.physics.backends.numba_backend import Array, ChannelTerm, compile_kernel, names_used
-from dashred.physics.expressions.algebra import ZERO, Expr
-from dashred.physics.expressions.semilinear import (
-    OPERAND,
-    Input,
-    NotSemilinearError,
-    SemilinearBuilder,
-    SemilinearForm,
-    semilinear_form,
-)
+from dashred.physics.expressions.algebra import Expr
+from dashred.physics.expressions.semilinear import SemilinearForm
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.grids.fourier_symbols import symbols
 from dashred.physics.grids.spectral import Spectral
@@ -53,24 +47,21 @@ class CompiledTendency:
         self.operators, self.grid = system.operators, system.grid
         self.fields = {field: i for i, field in enumerate(system.fields)}
         axes = [axis.name for axis in system.axes]
-        base = semilinear_form(system.resolved, axes)
-        zeros = dict.fromkeys(system.fields, ZERO)
-        forms = [semilinear_form({**zeros, term.equation: term.expression}, axes) for term in terms]
+        columns = [self.layout.window_column(j) for j in range(len(terms))]
+        channels = Channels(
+            system.resolved,
+            [(term.equation, term.expression) for term in terms],
+            axes,
+            [column for column in columns if column is not None] if shapes else None,
+        )
+        base, forms, self._channels = channels.base, channels.forms, channels.index
+        self.channel_terms = channels.functions
         self._symbols = self._term_symbols(forms)
         self._base_symbols = symbols(list(base.linear.values()), self.operators, CPU).numpy()
-        self._channels: dict[tuple[str, Expr], int] = {}
-        self.channel_terms = [*self._channel_terms(base, None)]
-        for j, form in enumerate(forms):
-            self.channel_terms += self._channel_terms(form, j)
         self._couplings = [*self._coupling_symbols(base, None)]
         for j, form in enumerate(forms):
             self._couplings += self._coupling_symbols(form, j)
-        inputs: dict[str, Input] = dict(base.inputs)
-        for form in forms:
-            inputs |= form.inputs
-        if shapes:
-            inputs |= self._add_windowed(terms, axes)
-        derived = {n: v for n, v in inputs.items() if v.operator != OPERAND}
+        derived = channels.derived
         self._derived = [
             (name, self.fields[v.field], self._symbol(v.operator)) for name, v in derived.items()
         ]
@@ -101,33 +92,6 @@ class CompiledTendency:
             sampled_forcing: free forcing of each row.
         """
         return BatchTendency(self, np.ascontiguousarray(weights), sampled_forcing)
-
-    def _channel_terms(self, form: SemilinearForm, weight: int | None) -> list[ChannelTerm]:
-        result = []
-        for channel in form.channels:
-            if channel.body != ZERO:
-                key = channel.equation, channel.operator
-                index = self._channels.setdefault(key, len(self._channels))
-                result.append(ChannelTerm(index, channel.body, weight))
-        return result
-
-    def _add_windowed(self, terms: Sequence[Term], axes: list[str]) -> dict[str, Input]:
-        """Add every pointwise term multiplied by the window; return the inputs of these terms."""
-        builder = SemilinearBuilder(frozenset(self.fields), tuple(axes))
-        for j, term in enumerate(terms):
-            try:
-                body = builder.pointwise(term.expression)
-            except NotSemilinearError:
-                continue
-            key = term.equation, OPERAND
-            channel = self._channels.setdefault(key, len(self._channels))
-            existing = [f for f in self.channel_terms if f == ChannelTerm(channel, body, j)]
-            for result in existing:
-                self.channel_terms.remove(result)
-            weight = j if existing else None
-            window_weight = self.layout.window_column(j)
-            self.channel_terms.append(ChannelTerm(channel, body, weight, window_weight))
-        return builder.inputs
 
     def _coupling_symbols(
         self, form: SemilinearForm, weight: int | None

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Protocol, Self
 
 import torch
 from torch import Tensor
 
+from dashred.physics.cells.compiled import CompiledCells
 from dashred.physics.expressions.algebra import multiply
 from dashred.physics.expressions.semilinear import NotSemilinearError
 from dashred.physics.forcing_basis import SampledForcing
@@ -16,6 +18,7 @@ from dashred.physics.solvers.batch_coefficients import CoefficientLayout
 from dashred.physics.solvers.compiled_etdrk4 import CompiledETDRK4
 from dashred.physics.solvers.compiled_runge_kutta import CompiledRungeKutta
 from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.schedule import schedule
 from dashred.physics.solvers.simulate import is_compilation_worthwhile, simulate
 from dashred.physics.system import System, Term
 from dashred.physics.window import Shape
@@ -94,7 +97,7 @@ class InterpretedSystem:
 def compile_system(
     system: System, terms: Sequence[Term], shapes: tuple[Shape, ...] = ()
 ) -> CompiledSystem:
-    """Compile a system: a spectral system, or an ODE system with fixed steps, on the CPU.
+    """Compile a system: spectral, finite volumes, or an ODE system with fixed steps, on the CPU.
 
     Other systems are returned as :class:`InterpretedSystem`.
 
@@ -105,11 +108,12 @@ def compile_system(
     """
     if not system.axes and system.tableau is not None:
         return CompiledRungeKutta(system, terms, shapes)
-    if system.spectral:
-        try:
+    with suppress(NotSemilinearError, ArithmeticError):
+        if system.spectral:
             return CompiledETDRK4(system, terms, shapes)
-        except (NotSemilinearError, ArithmeticError):
-            pass
+        if system.has_conditions:
+            layout = CoefficientLayout(len(terms), shapes)
+            return CompiledCells(system, terms, layout, schedule)
     return InterpretedSystem(system, tuple(terms), shapes)
 
 

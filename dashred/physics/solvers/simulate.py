@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from dashred.core.errors import InputError
+from dashred.physics.cells.integrate import integrate_cells
 from dashred.physics.expressions.semilinear import NotSemilinearError
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.runge_kutta import THREE_EIGHTHS, Tableau, advance
@@ -68,6 +69,12 @@ def simulate(
     if system.spectral:
         tendency = SpectralTendency(system, forcing, start.device, sampled_forcing)
         states = _integrate_spectral(tendency, start, times.tolist())
+    elif system.has_conditions:
+        rates, steps = (
+            GridTendency(system, forcing, sampled_forcing),
+            schedule(times.tolist(), system.dt),
+        )
+        states = integrate_cells(system, rates, start, float(times[0]), steps)
     elif system.tableau is not None:
         explicit = GridTendency(system, forcing, sampled_forcing)
         states = _integrate_fixed(explicit, system.tableau, start, times.tolist(), system.dt)

@@ -13,6 +13,7 @@ from torch import Tensor
 from dashred.data.observation_operator import ObservationOperator
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
+from dashred.physics.tangents.cell_tangents import has_cell_tangents, tangent_cells
 from dashred.physics.tangents.ode_tangents import has_ode_tangents, tangent_ode
 from dashred.physics.tangents.tangent_linear import has_spectral_tangents, tangent_linear
 from dashred.pipeline.check.context import CheckContext
@@ -162,6 +163,8 @@ def _tangents(
         return tangent_linear(system, start, modes, times, None, [])
     if has_ode_tangents(system, []):
         return tangent_ode(system, start, modes, times, None, [])
+    if has_cell_tangents(system, []):
+        return tangent_cells(system, start, modes, times, None, [])
     return _differences(system, nominal, modes)
 
 

@@ -53,6 +53,11 @@ class GuessedAxis:
         """The number of grid points."""
         return self.points
 
+    @property
+    def staggered(self) -> bool:
+        """False: the guess is periodic."""
+        return False
+
 
 @dataclass(frozen=True)
 class GuessedSystem:

@@ -85,8 +85,8 @@ class Bump:
         """Return ``∫ b dx`` over the domain."""
         spacing = math.prod(axis.spacing for axis in system.axes)
         total = float(self.on_grid(system).abs().sum())
-        # The mirror image of an axis with ends is not part of the domain.
-        images = math.prod(axis.ring_points // axis.points for axis in system.axes)
+        # A mirror image is not part of the domain.
+        images = 2 ** sum(axis.mirrored for axis in system.axes)
         return total * spacing / images
 
     def region(self, axis: Axis, index: int) -> tuple[float, float]:

@@ -1,0 +1,1 @@
+"""Boundary conditions that differ between the sides of an axis."""
