@@ -1,0 +1,139 @@
+"""A weak-constraint problem with hidden states as further fields."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dashred.data.sensors import Sensor
+from dashred.inference.forward.candidates import Candidate, ChangePrior
+from dashred.inference.forward.parameter_block import ParameterBlock
+from dashred.inference.segments.natural_scales import NaturalScales, natural_scales
+from dashred.inference.segments.point import Point
+from dashred.inference.segments.segment_simulator import SegmentSimulator
+from dashred.inference.segments.segments import Array, Segments
+from dashred.inference.segments.selection.search import PRIOR, SELECTION, SegmentSearch, weighted
+from dashred.inference.segments.selection.set_selection import SegmentLaw
+from dashred.inference.segments.state_sensors import StateSensors
+from dashred.inference.segments.weak_constraint import WeakConstraintProblem
+from dashred.physics.hidden_state import HiddenState, relax, with_hidden_states
+from dashred.physics.parameter_sensitivity import parameter_tendency
+from dashred.physics.system import System, Term
+
+
+@dataclass(frozen=True)
+class Augmented:
+    """A problem with hidden states, and where its fits begin.
+
+    Attributes:
+        problem: F, with the gains as the last candidates.
+        natural: scales.
+        point: the nodes of the given law, with the hidden states that follow from them.
+    """
+
+    problem: WeakConstraintProblem
+    natural: NaturalScales
+    point: Point
+
+
+def augment(
+    found: SegmentSearch,
+    law: SegmentLaw,
+    sensors: Sequence[Sensor],
+    states: Sequence[HiddenState],
+    gains: Sequence[tuple[str, str]],
+    courses: Mapping[str, Array],
+) -> Augmented:
+    """Return the problem of a search with hidden states, their time constants and their gains.
+
+    Args:
+        found: laws without hidden states.
+        law: one of them.
+        sensors: the fit sensors.
+        states: the hidden states; those with a spread of τ have a τ that is fitted.
+        gains: equation and term of each further candidate.
+        courses: what the hidden states follow at every sample, ``(segment, sample)``, by name.
+    """
+    old = found.problem
+    systems = [
+        each.with_config(with_hidden_states(each.config, states))
+        for each in old.simulator.systems
+    ]
+    segments = old.segments
+    simulator = SegmentSimulator(systems, segments, old.simulator.substeps)
+    read = StateSensors(sensors, systems[0])
+    hidden = [hidden_course(segments, courses[each.follows], each.tau) for each in states]
+    nodes = np.column_stack([law.fit.point.nodes, *(course[:, 0] for course in hidden)])
+    candidates = (*old.candidates, *(_gain(systems[0], *gain) for gain in gains))
+    size = np.concatenate([found.natural.size, [_size(courses[s.follows]) for s in states]])
+    taus = [tau_candidate(systems[0], each) for each in states if each.tau_spread]
+    parameters = ParameterBlock((*old.parameters.candidates, *taus))
+    natural = natural_scales(simulator, read, candidates, nodes, size)
+    begins = segments.begins
+    problem = replace(
+        old,
+        simulator=simulator,
+        sensors=read,
+        candidates=candidates,
+        start_mean=np.column_stack([old.start_mean, *(course[begins, 0] for course in hidden)]),
+        start_std=np.concatenate([old.start_std, [each.spread for each in states]]),
+        prior_std=np.concatenate([old.prior_std, PRIOR * natural.coefficient[old.count :]]),
+        parameters=parameters,
+    )
+    point = Point(
+        nodes,
+        np.concatenate([law.fit.point.xi, np.zeros(len(gains))]),
+        law.fit.point.walked,
+        np.concatenate([law.fit.point.parameters, np.zeros(len(taus))]),
+    )
+    kept = replace(
+        natural,
+        coefficient=np.concatenate(
+            [found.natural.coefficient, natural.coefficient[old.count :]]
+        ),
+        rate=np.concatenate([found.natural.rate, natural.rate[len(found.natural.rate) :]]),
+    )
+    tight = weighted(problem, kept, SELECTION, PRIOR)
+    return Augmented(tight, kept, point)
+
+
+def hidden_course(segments: Segments, follows: Array, tau: float) -> Array:
+    """Return a hidden state at every sample, ``(segment, sample)``.
+
+    Args:
+        segments: of the record.
+        follows: what it follows, ``(segment, sample)``.
+        tau: its time constant.
+    """
+    found = np.empty_like(follows)
+    for episode in range(len(segments.begins)):
+        mine = np.flatnonzero(segments.episode == episode)
+        clock, course = segments.times[mine], follows[mine]
+        flat = np.concatenate([clock[:, :-1].ravel(), clock[-1:, -1]])
+        joined = np.concatenate([course[:, :-1].ravel(), course[-1:, -1]])
+        # The clock of the last segment may stand still.
+        later = np.concatenate([[True], np.diff(flat) > 0])
+        relaxed = relax(flat[later], joined[later], tau)[np.cumsum(later) - 1]
+        width = clock.shape[1] - 1
+        found[mine, :-1] = relaxed[:-1].reshape(-1, width)
+        found[mine, -1] = np.concatenate([found[mine[1:], 0], relaxed[-1:]])
+    return found
+
+
+def tau_candidate(system: System, state: HiddenState) -> Candidate:
+    """Return the time constant of a hidden state as an uncertain parameter."""
+    tendency = parameter_tendency(system, state.constant)
+    terms = tuple(Term(equation, expr) for equation, expr in tendency.items())
+    return Candidate(state.constant, None, terms, 1.0, prior=ChangePrior(0.0, state.tau_spread))
+
+
+def _gain(system: System, equation: str, text: str) -> Candidate:
+    key = f"library.{equation}"
+    expression = system.ready(system.parse(text, key, equation=equation), equation, key)
+    return Candidate(text, equation, (Term(equation, expression),), 1.0, is_extended=True)
+
+
+def _size(course: Array) -> float:
+    return max(float(np.std(course)), 1e-12)
