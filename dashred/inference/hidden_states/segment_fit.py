@@ -1,0 +1,115 @@
+"""Fit a hidden state over segments, with its time constant, its gain and everything else."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dashred.data.sensors import Sensor
+from dashred.inference.hidden_states.augmented_problem import Augmented, augment
+from dashred.inference.hidden_states.screening import Screened
+from dashred.inference.segments.gauss_newton import NodeFit
+from dashred.inference.segments.natural_scales import NaturalScales
+from dashred.inference.segments.point import Point
+from dashred.inference.segments.segments import Array
+from dashred.inference.segments.selection.candidate_sets import Set
+from dashred.inference.segments.selection.search import SegmentSearch
+from dashred.inference.segments.selection.set_selection import SegmentLaw, refit, select, term_price
+from dashred.inference.segments.weak_constraint import WeakConstraintProblem
+from dashred.physics.hidden_state import HiddenState, free_name
+
+# The prior standard deviation of τ, as a share of it.
+WIDE = 1.0
+# τ is fitted again about its new value until it moves by less than this share, at most so often.
+SETTLED, ROUNDS = 0.1, 6
+# One fit changes τ by this factor at most.
+FARTHEST = 3.0
+
+
+@dataclass(frozen=True)
+class HiddenFit:
+    """A fit of one set of candidates with a hidden state.
+
+    Attributes:
+        state: the hidden state, at its fitted time constant.
+        equation: the equation in which it acts.
+        term: what its gain multiplies: ``z`` or ``z - u``.
+        problem: F.
+        natural: scales.
+        fit: its minimum.
+        members: candidates, the gain with them.
+    """
+
+    state: HiddenState
+    equation: str
+    term: str
+    problem: WeakConstraintProblem
+    natural: NaturalScales
+    fit: NodeFit
+    members: Set
+
+    @property
+    def gain(self) -> int:
+        """Index of the gain among the candidates."""
+        return self.problem.count - 1
+
+
+def fit_screened(
+    found: SegmentSearch,
+    law: SegmentLaw,
+    sensors: Sequence[Sensor],
+    screened: Screened,
+    members: Set,
+    courses: Mapping[str, Array],
+) -> HiddenFit:
+    """Fit the gain, the time constant and some candidates beside them.
+
+    The rate 1/τ enters the equations linearly, and so does the change of τ in its tangent. A fit
+    is therefore exact in τ. It is repeated about the fitted value because the prior of the change
+    is centred there.
+
+    Args:
+        found: laws without hidden states.
+        law: the law about whose states it was screened.
+        sensors: the fit sensors.
+        screened: the hidden state.
+        members: candidates beside it.
+        courses: every field and input at the samples, ``(segment, sample)`` each.
+    """
+    system = found.problem.simulator.systems[0]
+    name = free_name("z", system.names)
+    state = HiddenState(
+        name=name,
+        constant=free_name(f"tau_{name}", system.names),
+        follows=screened.follows,
+        tau=screened.tau,
+        start="0",
+        spread=max(float(np.std(courses[screened.follows])), 1e-12),
+        tau_spread=WIDE * screened.tau,
+    )
+    term = f"{name} - {screened.follows}" if screened.is_difference else name
+    chosen, point = (*members, found.problem.count), None
+    for _ in range(ROUNDS):
+        augmented = augment(found, law, sensors, [state], [(screened.equation, term)], courses)
+        problem = augmented.problem
+        fit = refit(problem, point or augmented.point, chosen)
+        tau = changed_tau(state.tau, float(fit.point.parameters[-1]))
+        moved = abs(tau / state.tau - 1)
+        if moved < SETTLED or problem.deadline.is_over or not math.isfinite(fit.cost):
+            break
+        state = replace(state, tau=tau, tau_spread=WIDE * tau)
+        point = replace(fit.point, parameters=np.append(fit.point.parameters[:-1], 0.0))
+    return HiddenFit(state, screened.equation, term, problem, augmented.natural, fit, chosen)
+
+
+def changed_tau(tau: float, change: float) -> float:
+    """Return the time constant with the effect of a change along its tangent.
+
+    The tangent of ``(u - z)/τ`` is ``-(u - z)/τ²``: the rate 1/τ becomes ``1/τ - change/τ²``. A
+    rate of zero or less, and a large change, are bounded by a factor.
+    """
+    factor = 1 - change / tau
+    return tau / min(max(factor, 1 / FARTHEST), FARTHEST)
