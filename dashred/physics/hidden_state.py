@@ -1,6 +1,6 @@
 """A state that is not in the equations, follows one of their quantities and acts back on them.
 
-It relaxes toward a quantity u with a time constant τ, as the wall of a mug follows the water in it::
+It relaxes toward a quantity u with a time constant τ, as the wall of a mug follows the water::
 
     z' = (u - z)/τ        z(0) = u(0)
 """

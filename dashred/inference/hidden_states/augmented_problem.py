@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,6 @@ from dashred.inference.segments.point import Point
 from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import Array, Segments
 from dashred.inference.segments.selection.search import PRIOR, SELECTION, SegmentSearch, weighted
-from dashred.inference.segments.selection.set_selection import SegmentLaw
 from dashred.inference.segments.state_sensors import StateSensors
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 from dashred.physics.hidden_state import HiddenState, relax, with_hidden_states
@@ -30,7 +29,7 @@ class Augmented:
     Attributes:
         problem: F, with the gains as the last candidates.
         natural: scales.
-        point: the nodes of the given law, with the hidden states that follow from them.
+        point: the given values, with the nodes of the hidden states and without gains.
     """
 
     problem: WeakConstraintProblem
@@ -40,63 +39,57 @@ class Augmented:
 
 def augment(
     found: SegmentSearch,
-    law: SegmentLaw,
+    begin: Point,
     sensors: Sequence[Sensor],
     states: Sequence[HiddenState],
+    nodes: Sequence[Array],
+    starts: Sequence[Array],
     gains: Sequence[tuple[str, str]],
-    courses: Mapping[str, Array],
 ) -> Augmented:
     """Return the problem of a search with hidden states, their time constants and their gains.
 
     Args:
         found: laws without hidden states.
-        law: one of them.
+        begin: values of the unknowns of their problem.
         sensors: the fit sensors.
         states: the hidden states; those with a spread of τ have a τ that is fitted.
+        nodes: of each, ``(segment,)``.
+        starts: expected value of each at the first sample, ``(episode,)``.
         gains: equation and term of each further candidate.
-        courses: what the hidden states follow at every sample, ``(segment, sample)``, by name.
     """
-    old = found.problem
+    old, fields, count = found.problem, found.problem.simulator.fields, found.problem.count
     systems = [
-        each.with_config(with_hidden_states(each.config, states))
-        for each in old.simulator.systems
+        each.with_config(with_hidden_states(each.config, states)) for each in old.simulator.systems
     ]
-    segments = old.segments
-    simulator = SegmentSimulator(systems, segments, old.simulator.substeps)
+    simulator = SegmentSimulator(systems, old.segments, old.simulator.substeps)
     read = StateSensors(sensors, systems[0])
-    hidden = [hidden_course(segments, courses[each.follows], each.tau) for each in states]
-    nodes = np.column_stack([law.fit.point.nodes, *(course[:, 0] for course in hidden)])
     candidates = (*old.candidates, *(_gain(systems[0], *gain) for gain in gains))
-    size = np.concatenate([found.natural.size, [_size(courses[s.follows]) for s in states]])
-    taus = [tau_candidate(systems[0], each) for each in states if each.tau_spread]
-    parameters = ParameterBlock((*old.parameters.candidates, *taus))
-    natural = natural_scales(simulator, read, candidates, nodes, size)
-    begins = segments.begins
+    taus = [_time_constant(systems[0], each) for each in states if each.tau_spread]
+    whole = np.column_stack([begin.nodes, *nodes])
+    size = np.concatenate([found.natural.size, [max(float(np.std(z)), 1e-12) for z in nodes]])
+    scales = natural_scales(simulator, read, candidates, whole, size)
+    # The scales of what the search had stay as they are.
+    natural = NaturalScales(
+        np.concatenate([found.natural.rate, scales.rate[fields:]]),
+        size,
+        np.concatenate([found.natural.coefficient, scales.coefficient[count:]]),
+    )
     problem = replace(
         old,
         simulator=simulator,
         sensors=read,
         candidates=candidates,
-        start_mean=np.column_stack([old.start_mean, *(course[begins, 0] for course in hidden)]),
+        start_mean=np.column_stack([old.start_mean, *starts]),
         start_std=np.concatenate([old.start_std, [each.spread for each in states]]),
-        prior_std=np.concatenate([old.prior_std, PRIOR * natural.coefficient[old.count :]]),
-        parameters=parameters,
+        parameters=ParameterBlock((*old.parameters.candidates, *taus)),
     )
     point = Point(
-        nodes,
-        np.concatenate([law.fit.point.xi, np.zeros(len(gains))]),
-        law.fit.point.walked,
-        np.concatenate([law.fit.point.parameters, np.zeros(len(taus))]),
+        whole,
+        np.concatenate([begin.xi, np.zeros(len(gains))]),
+        begin.walked,
+        np.concatenate([begin.parameters, np.zeros(len(taus))]),
     )
-    kept = replace(
-        natural,
-        coefficient=np.concatenate(
-            [found.natural.coefficient, natural.coefficient[old.count :]]
-        ),
-        rate=np.concatenate([found.natural.rate, natural.rate[len(found.natural.rate) :]]),
-    )
-    tight = weighted(problem, kept, SELECTION, PRIOR)
-    return Augmented(tight, kept, point)
+    return Augmented(weighted(problem, natural, SELECTION, PRIOR), natural, point)
 
 
 def hidden_course(segments: Segments, follows: Array, tau: float) -> Array:
@@ -122,7 +115,14 @@ def hidden_course(segments: Segments, follows: Array, tau: float) -> Array:
     return found
 
 
-def tau_candidate(system: System, state: HiddenState) -> Candidate:
+def decay(segments: Segments, tau: float) -> Array:
+    """Return what is left of a deviation at the first sample, ``(segment, sample)``."""
+    begins = segments.times[segments.begins, 0][segments.episode]
+    left: Array = np.exp(-(segments.times - begins[:, None]) / tau)
+    return left
+
+
+def _time_constant(system: System, state: HiddenState) -> Candidate:
     """Return the time constant of a hidden state as an uncertain parameter."""
     tendency = parameter_tendency(system, state.constant)
     terms = tuple(Term(equation, expr) for equation, expr in tendency.items())
@@ -133,7 +133,3 @@ def _gain(system: System, equation: str, text: str) -> Candidate:
     key = f"library.{equation}"
     expression = system.ready(system.parse(text, key, equation=equation), equation, key)
     return Candidate(text, equation, (Term(equation, expression),), 1.0, is_extended=True)
-
-
-def _size(course: Array) -> float:
-    return max(float(np.std(course)), 1e-12)

@@ -1,7 +1,8 @@
 """Screen hidden states by linear algebra: what they follow, where they act, and how fast.
 
-Without a gain a hidden state is known: it follows a quantity of the fitted law. The gains of many
-hidden states are therefore candidates of one linearised problem.
+The states first track the readings under a large model error. Without a gain a hidden state is
+known then: it follows one of their quantities, from there or from another value at the start. The
+gains of many hidden states are therefore candidates of one linearised problem.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ import numpy as np
 
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.subset_search import ProfiledProblem
-from dashred.inference.hidden_states.augmented_problem import augment
+from dashred.inference.hidden_states.augmented_problem import augment, decay, hidden_course
+from dashred.inference.segments.gauss_newton import fit_nodes
+from dashred.inference.segments.point import Point
 from dashred.inference.segments.segments import Array
 from dashred.inference.segments.selection.candidate_sets import (
     BEAM,
@@ -24,75 +27,95 @@ from dashred.inference.segments.selection.candidate_sets import (
     profile,
     with_one,
 )
-from dashred.inference.segments.selection.search import SegmentSearch
-from dashred.inference.segments.selection.set_selection import SegmentLaw
+from dashred.inference.segments.selection.search import SegmentSearch, weighted
+from dashred.inference.segments.selection.set_selection import term_price
 from dashred.physics.expressions import algebra
 from dashred.physics.hidden_state import HiddenState, free_name
 
 # Time constants are tried from so many samples to the length of the record, with this factor
 # between two of them.
 FEWEST_SAMPLES, FACTOR = 2.0, 2.0
+# Model error under which the states track the readings, and the steps of this fit.
+TRACKING, STEPS = 0.1, 12
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """States that track the readings.
+
+    Attributes:
+        point: values of the unknowns, without a law.
+        courses: every field and input at the samples, ``(segment, sample)`` each.
+    """
+
+    point: Point
+    courses: Mapping[str, Array]
 
 
 @dataclass(frozen=True)
 class Screened:
-    """A hidden state with its best time constant on the linearised problem.
+    """A hidden state on the linearised problem.
 
     Attributes:
         equation: the equation in which it acts.
         follows: what it follows.
         is_difference: whether ``z - u`` acts, not z.
         tau: its time constant.
+        offset: ``z - u`` at the first sample.
         members: candidates beside it.
         cost: F.
+        score: F in units of the noise, with the price of the candidates.
     """
 
     equation: str
     follows: str
     is_difference: bool
     tau: float
+    offset: float
     members: Set
     cost: float
+    score: float
 
 
-def courses_of(found: SegmentSearch, law: SegmentLaw) -> dict[str, Array]:
-    """Return every field and input at the samples, ``(segment, sample)`` each."""
-    problem, states = found.problem, found.states(law)
-    simulator, segments = problem.simulator, problem.segments
-    system = simulator.systems[0]
-    courses = {name: states[:, :, i] for i, name in enumerate(system.fields)}
-    for name in system.inputs:
+def track(found: SegmentSearch) -> Tracked:
+    """Return states that track the readings, without a law."""
+    empty = next(law for law in found.laws if not law.members)
+    loose = weighted(found.problem, found.natural, TRACKING, 1.0)
+    point = fit_nodes(loose, empty.fit.point, (), STEPS).point
+    return Tracked(point, courses_of(found, point, ()))
+
+
+def courses_of(found: SegmentSearch, point: Point, members: Set) -> dict[str, Array]:
+    """Return every field and input at the samples, ``(segment, sample)`` each, under a law."""
+    problem, states = found.problem, found.problem.states(point, members)
+    segments, systems = problem.segments, problem.simulator.systems
+    courses = {name: states[:, :, i] for i, name in enumerate(systems[0].fields)}
+    for name in systems[0].inputs:
         courses[name] = np.empty_like(segments.times)
-        for episode, driven in enumerate(simulator.systems):
+        for episode, driven in enumerate(systems):
             mine = segments.episode == episode
             courses[name][mine] = driven.input_signals.at(segments.times[mine])[name]
     return courses
 
 
 def screen(
-    found: SegmentSearch,
-    law: SegmentLaw,
-    sensors: Sequence[Sensor],
-    equations: Sequence[str],
-    courses: Mapping[str, Array],
+    found: SegmentSearch, tracked: Tracked, sensors: Sequence[Sensor], equations: Sequence[str]
 ) -> list[Screened]:
-    """Return the best of every kind of hidden state, the best first.
+    """Return the best hidden states of every kind, alone and beside terms, the best first.
 
     Args:
         found: laws without hidden states.
-        law: the law about whose states they are screened.
+        tracked: states that track the readings.
         sensors: the fit sensors.
         equations: where a hidden state may act.
-        courses: every field and input at the samples, ``(segment, sample)`` each.
     """
-    best: dict[tuple[str, str, bool], Screened] = {}
-    taus = time_constants(found)
+    best: dict[tuple[str, str, bool, bool], Screened] = {}
     for follows, acts_on in followed(found, equations).items():
-        for each in _screen_one(found, law, sensors, follows, acts_on, taus, courses):
-            kind = (each.equation, each.follows, each.is_difference)
-            if kind not in best or each.cost < best[kind].cost:
+        for each in _screen_one(found, tracked, sensors, follows, acts_on):
+            kind = (each.equation, each.follows, each.is_difference, bool(each.members))
+            if kind not in best or each.score < best[kind].score:
                 best[kind] = each
-    return sorted(best.values(), key=lambda each: each.cost)
+    return sorted(best.values(), key=lambda each: each.score)
 
 
 def time_constants(found: SegmentSearch) -> list[float]:
@@ -122,44 +145,63 @@ def followed(found: SegmentSearch, equations: Sequence[str]) -> dict[str, list[s
 
 def _screen_one(
     found: SegmentSearch,
-    law: SegmentLaw,
+    tracked: Tracked,
     sensors: Sequence[Sensor],
     follows: str,
     equations: Sequence[str],
-    taus: Sequence[float],
-    courses: Mapping[str, Array],
 ) -> Iterator[Screened]:
     """Yield the best sets with every hidden state that follows one quantity."""
-    taken, spread = found.problem.simulator.systems[0].names, float(np.std(courses[follows]))
-    states = [
-        HiddenState(free_name(f"z{i}", taken), free_name(f"tau{i}", taken), follows, tau, "0", spread)
-        for i, tau in enumerate(taus)
-    ]
-    kinds = [
-        (f, s.name if not difference else f"{s.name} - {follows}", difference, s.tau)
-        for f in equations
-        for s in states
-        for difference in (False, True)
-    ]
-    augmented = augment(found, law, sensors, states, [kind[:2] for kind in kinds], courses)
+    taken, segments, taus = _names(found), found.problem.segments, time_constants(found)
+    course = tracked.courses[follows]
+    states, nodes, gains = [], [], []
+    for i, tau in enumerate(taus):
+        z, rest = (free_name(f"{name}{i}", taken) for name in ("z", "rest"))
+        constants = [free_name(f"tau_{name}", taken) for name in (z, rest)]
+        states += [
+            HiddenState(z, constants[0], follows, tau, "0", 1.0),
+            # What is left of another start relaxes to zero.
+            HiddenState(rest, constants[1], "0", tau, "0", 1.0),
+        ]
+        nodes += [hidden_course(segments, course, tau)[:, 0], decay(segments, tau)[:, 0]]
+        for equation in equations:
+            gains += [(equation, z), (equation, f"{z} - {follows}"), (equation, rest)]
+    starts = [z[segments.begins] for z in nodes]
+    augmented = augment(found, tracked.point, sensors, states, nodes, starts, gains)
     profiled = profile(augmented.problem, augmented.point)
     if profiled is None:
         return
-    known, extended = found.problem.count, augmented.problem.is_extended
-    for j, (equation, _, difference, tau) in enumerate(kinds, start=known):
-        members, cost = _best_set(profiled, j, extended, found)
-        yield Screened(equation, follows, difference, tau, members, cost)
+    kinds = [(tau, equation) for tau in taus for equation in equations]
+    extended = augmented.problem.is_extended
+    for place, (tau, equation) in enumerate(kinds):
+        first = found.problem.count + 3 * place
+        for is_difference in (False, True):
+            gain, rest = first + is_difference, first + 2
+            for chosen, cost, score in _best_sets(found, profiled, gain, rest, extended):
+                xi = dict(zip(chosen, profiled.coefficients(chosen).tolist(), strict=True))
+                offset = xi[rest] / xi[gain] if rest in xi and xi[gain] else 0.0
+                members = tuple(j for j in chosen if j < found.problem.count)
+                yield Screened(equation, follows, is_difference, tau, offset, members, cost, score)
 
 
-def _best_set(
-    profiled: ProfiledProblem, gain: int, extended: Sequence[bool], found: SegmentSearch
-) -> tuple[Set, float]:
-    """Return the set of a few library terms beside a gain that has the lowest score."""
-    price = 2 * math.log(len(extended)) + math.log(found.problem.segments.seen)
-    sets, costs = [(gain,)], predict(profiled, [(gain,)])
-    for _ in range(LARGEST - 1):
-        grown = predict(profiled, with_one(sets, extended))
+def _names(found: SegmentSearch) -> frozenset[str]:
+    return found.problem.simulator.systems[0].names
+
+
+def _best_sets(
+    found: SegmentSearch, profiled: ProfiledProblem, gain: int, rest: int, extended: Sequence[bool]
+) -> Iterator[tuple[Set, float, float]]:
+    """Yield the best set of a gain alone and the best one beside terms, with F and score."""
+    alone: list[Set] = [(gain,), (gain, rest)]
+    sets, costs = alone[:1], predict(profiled, alone[:1])
+    for size in range(2, LARGEST + 1):
+        grown = predict(profiled, with_one(sets, extended) + alone[1:] * (size == 2))
+        costs |= {members: grown[members] for members in alone if members in grown}
         sets = sorted(grown, key=grown.__getitem__)[:BEAM]
         costs |= {members: grown[members] for members in sets}
-    best = min(costs, key=lambda s: costs[s] + price * len(s))
-    return tuple(j for j in best if j != gain), costs[best]
+    seen, price = found.problem.segments.seen, term_price(found.problem)
+    level = max(min(*costs.values(), found.best.fit.cost) / seen, 1e-12)
+    scores = {members: cost / level + price * len(members) for members, cost in costs.items()}
+    for chosen in (alone, [members for members in costs if members not in alone]):
+        best = min(chosen, key=scores.__getitem__, default=None)
+        if best is not None:
+            yield best, costs[best], scores[best]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,16 +16,17 @@ from dashred.inference.hidden_states.screening import (
     followed,
     screen,
     time_constants,
+    track,
 )
 from dashred.inference.hidden_states.segment_fit import HiddenFit, changed_tau, fit_screened
 from dashred.inference.segments.gauss_newton import NodeFit
-from dashred.inference.segments.segments import Array
 from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.inference.segments.selection.set_selection import SegmentLaw, select, term_price
+from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 from dashred.physics.hidden_state import HiddenState
 
-# Kinds of hidden states that are fitted, the best screened first.
-MAX_FITS = 4
+# Hidden states that are fitted, the best screened first.
+MAX_FITS = 6
 # A hidden state has to be better than every law without one by this difference in score.
 HIDDEN_GAIN = 10.0
 # It is told beside at most so many terms.
@@ -63,26 +64,20 @@ def search_hidden_states(
         sensors: the fit sensors.
         equations: where a hidden state may act.
     """
-    price = _hidden_price(found, equations)
-    empty = next(law for law in found.laws if not law.members)
-    laws = [found.best] if found.best is empty else [found.best, empty]
-    screened: list[tuple[Screened, SegmentLaw, Mapping[str, Array]]] = []
-    for law in laws:
-        if math.isfinite(law.fit.cost):
-            courses = courses_of(found, law)
-            kinds = screen(found, law, sensors, equations, courses)
-            screened += [(each, law, courses) for each in kinds]
-    if not screened or not _is_promising(found, [each for each, *_ in screened], price):
+    price, tracked = _hidden_price(found, equations), track(found)
+    screened = screen(found, tracked, sensors, equations)
+    if not screened or not _is_promising(found, screened, price):
         return None
-    fits: list[HiddenFit] = []
-    for each, law, courses in _best_of_each_kind(found, screened)[:MAX_FITS]:
-        for members in dict.fromkeys([each.members, ()]):
-            if not found.problem.deadline.is_over:
-                fits.append(fit_screened(found, law, sensors, each, members, courses))
+    fits = []
+    for each in screened[:MAX_FITS]:
+        if not found.problem.deadline.is_over:
+            fits.append(fit_screened(found, tracked, sensors, each))
     fits = [fit for fit in fits if math.isfinite(fit.fit.cost)]
     if not fits:
         return None
-    best = min(fits, key=lambda fit: _score(found, fit, min(f.fit.cost for f in fits)))
+    level = min(fit.fit.cost for fit in fits) / found.problem.segments.seen
+    own = term_price(found.problem)
+    best = min(fits, key=lambda fit: fit.fit.cost / level + own * len(fit.members))
     return _selected(found, best, price)
 
 
@@ -131,37 +126,13 @@ def _hidden_price(found: SegmentSearch, equations: Sequence[str]) -> float:
 def _is_promising(found: SegmentSearch, screened: Sequence[Screened], price: float) -> bool:
     """Tell whether a hidden state may be better than the best law, by linear algebra alone."""
     best, seen = found.best, found.problem.segments.seen
-    least = min([each.cost for each in screened] + [best.fit.cost])
-    level, term = max(least / seen, 1e-12), term_price(found.problem)
-    own = best.fit.cost / level + term * len(best.members)
-    predicted = min(each.cost / level + term * (len(each.members) + 1) for each in screened)
-    return predicted + price < own - HIDDEN_GAIN
-
-
-def _best_of_each_kind(
-    found: SegmentSearch, screened: list[tuple[Screened, SegmentLaw, Mapping[str, Array]]]
-) -> list[tuple[Screened, SegmentLaw, Mapping[str, Array]]]:
-    """Return the best of every kind, the best first."""
-    least = min(each.cost for each, *_ in screened)
-
-    def score(entry: tuple[Screened, SegmentLaw, Mapping[str, Array]]) -> float:
-        level = max(least / found.problem.segments.seen, 1e-12)
-        return entry[0].cost / level + term_price(found.problem) * len(entry[0].members)
-
-    best: dict[tuple[str, str, bool], tuple[Screened, SegmentLaw, Mapping[str, Array]]] = {}
-    for entry in sorted(screened, key=score):
-        each = entry[0]
-        best.setdefault((each.equation, each.follows, each.is_difference), entry)
-    return list(best.values())
-
-
-def _score(found: SegmentSearch, fit: HiddenFit, least: float) -> float:
-    level = max(least / found.problem.segments.seen, 1e-12)
-    return fit.fit.cost / level + term_price(found.problem) * len(fit.members)
+    level = max(min(best.fit.cost, screened[0].cost) / seen, 1e-12)
+    own = best.fit.cost / level + term_price(found.problem) * len(best.members)
+    return screened[0].score + price < own - HIDDEN_GAIN
 
 
 def _ranked(
-    problem, laws: Sequence[SegmentLaw], gain: int, price: float
+    problem: WeakConstraintProblem, laws: Sequence[SegmentLaw], gain: int, price: float
 ) -> list[SegmentLaw]:
     """Return the laws with their scores under the same noise, the best first."""
     level = max(min(law.fit.cost for law in laws) / problem.segments.seen, 1e-12)
@@ -178,8 +149,8 @@ def _ranked(
 
 def _lifted(found: SegmentSearch, law: SegmentLaw, best: HiddenFit) -> SegmentLaw:
     """Return a law without the hidden state, which then only follows."""
-    courses, segments = courses_of(found, law), found.problem.segments
-    hidden = hidden_course(segments, courses[best.state.follows], best.state.tau)
+    course = courses_of(found, law.fit.point, law.members)[best.state.follows]
+    hidden = hidden_course(found.problem.segments, course, best.state.tau)
     point = law.fit.point
     lifted = replace(
         point,

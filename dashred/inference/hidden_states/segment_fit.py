@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dashred.data.sensors import Sensor
-from dashred.inference.hidden_states.augmented_problem import Augmented, augment
-from dashred.inference.hidden_states.screening import Screened
+from dashred.inference.hidden_states.augmented_problem import augment, decay, hidden_course
+from dashred.inference.hidden_states.screening import Screened, Tracked
 from dashred.inference.segments.gauss_newton import NodeFit
 from dashred.inference.segments.natural_scales import NaturalScales
-from dashred.inference.segments.point import Point
-from dashred.inference.segments.segments import Array
 from dashred.inference.segments.selection.candidate_sets import Set
 from dashred.inference.segments.selection.search import SegmentSearch
-from dashred.inference.segments.selection.set_selection import SegmentLaw, refit, select, term_price
+from dashred.inference.segments.selection.set_selection import refit
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 from dashred.physics.hidden_state import HiddenState, free_name
 
@@ -58,14 +56,9 @@ class HiddenFit:
 
 
 def fit_screened(
-    found: SegmentSearch,
-    law: SegmentLaw,
-    sensors: Sequence[Sensor],
-    screened: Screened,
-    members: Set,
-    courses: Mapping[str, Array],
+    found: SegmentSearch, tracked: Tracked, sensors: Sequence[Sensor], screened: Screened
 ) -> HiddenFit:
-    """Fit the gain, the time constant and some candidates beside them.
+    """Fit the gain, the time constant and the candidates beside them.
 
     The rate 1/τ enters the equations linearly, and so does the change of τ in its tangent. A fit
     is therefore exact in τ. It is repeated about the fitted value because the prior of the change
@@ -73,36 +66,37 @@ def fit_screened(
 
     Args:
         found: laws without hidden states.
-        law: the law about whose states it was screened.
+        tracked: states that track the readings.
         sensors: the fit sensors.
         screened: the hidden state.
-        members: candidates beside it.
-        courses: every field and input at the samples, ``(segment, sample)`` each.
     """
-    system = found.problem.simulator.systems[0]
+    system, segments = found.problem.simulator.systems[0], found.problem.segments
+    follows, course = screened.follows, tracked.courses[screened.follows]
     name = free_name("z", system.names)
     state = HiddenState(
         name=name,
         constant=free_name(f"tau_{name}", system.names),
-        follows=screened.follows,
+        follows=follows,
         tau=screened.tau,
         start="0",
-        spread=max(float(np.std(courses[screened.follows])), 1e-12),
+        spread=max(float(np.ptp(course)), 1e-12),
         tau_spread=WIDE * screened.tau,
     )
-    term = f"{name} - {screened.follows}" if screened.is_difference else name
-    chosen, point = (*members, found.problem.count), None
+    gain = (screened.equation, f"{name} - {follows}" if screened.is_difference else name)
+    chosen, starts = (*screened.members, found.problem.count), course[segments.begins, 0]
+    z = hidden_course(segments, course, state.tau) + screened.offset * decay(segments, state.tau)
+    begin, nodes, point = tracked.point, z[:, 0], None
     for _ in range(ROUNDS):
-        augmented = augment(found, law, sensors, [state], [(screened.equation, term)], courses)
+        augmented = augment(found, begin, sensors, [state], [nodes], [starts], [gain])
         problem = augmented.problem
         fit = refit(problem, point or augmented.point, chosen)
         tau = changed_tau(state.tau, float(fit.point.parameters[-1]))
-        moved = abs(tau / state.tau - 1)
-        if moved < SETTLED or problem.deadline.is_over or not math.isfinite(fit.cost):
+        is_settled = abs(tau / state.tau - 1) < SETTLED
+        if is_settled or problem.deadline.is_over or not math.isfinite(fit.cost):
             break
         state = replace(state, tau=tau, tau_spread=WIDE * tau)
         point = replace(fit.point, parameters=np.append(fit.point.parameters[:-1], 0.0))
-    return HiddenFit(state, screened.equation, term, problem, augmented.natural, fit, chosen)
+    return HiddenFit(state, *gain, problem, augmented.natural, fit, chosen)
 
 
 def changed_tau(tau: float, change: float) -> float:
