@@ -102,6 +102,8 @@ def _simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
         return SimulationRuns(problem, nominal, resolution, None)
     problem = with_longer_step(problem, nominal)
     problem, segments = search_in_segments(problem, nominal, seconds)
+    if problem.hidden is not None:
+        nominal = simulate_nominal(problem, seconds)
     ensemble = _training_ensemble(problem, nominal, segments, seconds)
     return SimulationRuns(problem, nominal, resolution, ensemble, segments)
 

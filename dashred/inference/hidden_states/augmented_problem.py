@@ -18,6 +18,7 @@ from dashred.inference.segments.selection.search import PRIOR, SELECTION, Segmen
 from dashred.inference.segments.state_sensors import StateSensors
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 from dashred.physics.hidden_state import HiddenState, relax, with_hidden_states
+from dashred.physics.library import build_library, resolve
 from dashred.physics.parameter_sensitivity import parameter_tendency
 from dashred.physics.system import System, Term
 
@@ -130,6 +131,5 @@ def _time_constant(system: System, state: HiddenState) -> Candidate:
 
 
 def _gain(system: System, equation: str, text: str) -> Candidate:
-    key = f"library.{equation}"
-    expression = system.ready(system.parse(text, key, equation=equation), equation, key)
-    return Candidate(text, equation, (Term(equation, expression),), 1.0, is_extended=True)
+    [term] = build_library(system, {equation: [text]})
+    return Candidate(str(term), equation, tuple(resolve(system, [term])), 1.0, is_extended=True)

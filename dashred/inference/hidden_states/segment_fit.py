@@ -22,7 +22,7 @@ from dashred.physics.hidden_state import HiddenState, free_name
 # The prior standard deviation of τ, as a share of it.
 WIDE = 1.0
 # τ is fitted again about its new value until it moves by less than this share, at most so often.
-SETTLED, ROUNDS = 0.1, 6
+SETTLED, ROUNDS = 0.03, 8
 # One fit changes τ by this factor at most.
 FARTHEST = 3.0
 
