@@ -9,11 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dashred.physics import system_schema as schema
+from dashred.physics.expressions import algebra
+from dashred.physics.system import System
 
 Array = NDArray[np.float64]
 
@@ -74,6 +77,36 @@ def with_hidden_states(config: schema.System, states: Sequence[HiddenState]) -> 
         structure=None,
         units=units,
     )
+
+
+def without_hidden_state(config: schema.System, state: HiddenState) -> schema.System:
+    """Return a system without a hidden state that does not act on the others."""
+
+    def others(section: dict[str, Any]) -> dict[str, Any]:
+        return {k: v for k, v in section.items() if k not in (state.name, state.constant)}
+
+    return replace(
+        config,
+        fields=others(config.fields),
+        parameters=others(config.parameters),
+        parameter_spread=others(config.parameter_spread),
+        equations=others(config.equations),
+        start=others(config.start),
+        spread=others(config.spread),
+        units=others(config.units),
+    )
+
+
+def followed_by(system: System, field: str) -> str | None:
+    """Return the quantity u that a field relaxes toward, as in ``z' = (u - z)/τ``; None if none."""
+    read, known = algebra.names(system.equations[field]), system.config.parameters
+    others = [name for name in read if name not in known and name != field]
+    constants = [name for name in read if name in known]
+    if len(others) != 1 or len(constants) != 1:
+        return None
+    relaxes = HiddenState(field, constants[0], others[0], 1.0, "0", 0.0).equation
+    same = system.parse(relaxes, f"system.equations.{field}", equation=field)
+    return others[0] if system.equations[field] == same else None
 
 
 def free_name(wanted: str, taken: frozenset[str]) -> str:

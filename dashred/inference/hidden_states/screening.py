@@ -175,10 +175,10 @@ def _screen_one(
     for place, (tau, equation) in enumerate(kinds):
         first = found.problem.count + 3 * place
         for is_difference in (False, True):
-            gain, rest = first + is_difference, first + 2
-            for chosen, cost, score in _best_sets(found, profiled, gain, rest, extended):
+            gain, left = first + is_difference, first + 2
+            for chosen, cost, score in _best_sets(found, profiled, gain, left, extended):
                 xi = dict(zip(chosen, profiled.coefficients(chosen).tolist(), strict=True))
-                offset = xi[rest] / xi[gain] if rest in xi and xi[gain] else 0.0
+                offset = xi[left] / xi[gain] if left in xi and xi[gain] else 0.0
                 members = tuple(j for j in chosen if j < found.problem.count)
                 yield Screened(equation, follows, is_difference, tau, offset, members, cost, score)
 
