@@ -111,6 +111,8 @@ def screen(
     """
     best: dict[tuple[str, str, bool, bool], Screened] = {}
     for follows, acts_on in followed(found, equations).items():
+        if found.problem.deadline.is_over:
+            break
         for each in _screen_one(found, tracked, sensors, follows, acts_on):
             kind = (each.equation, each.follows, each.is_difference, bool(each.members))
             if kind not in best or each.score < best[kind].score:

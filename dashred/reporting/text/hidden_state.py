@@ -18,7 +18,7 @@ def hidden_state_text(found: Mapping[str, Any]) -> str:
     gain = with_error(found["gain"], found["gain_std"])
     term = parenthesize_sum(pretty(found["term"]).replace("-", MINUS))
     return (
-        f"{f} depends on a hidden state {z}, which relaxes toward {u} with a time constant τ of "
+        f"a hidden state {z} relaxes toward {u} with a time constant τ of "
         f"{with_unit(time, found.get('time_unit'))}, and acts on {f} with a gain of "
         f"{with_unit(gain, found.get('gain_unit'))}: d{z}/dt = ({u} {MINUS} {z})/τ, and d{f}/dt "
         f"also contains gain·{term}"

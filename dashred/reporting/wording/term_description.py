@@ -80,6 +80,8 @@ def _memory(term: SizedTerm) -> Description | None:
     for field in names(term.expr) & set(term.system.fields):
         follows = followed_by(term.system, field)
         if follows is not None and term.expr in (Name(field), *_differences(field, follows)):
+            if follows == term.equation:
+                return Description(f"a memory of {term.field_meaning}", term.text, ": ")
             of = meaning(term.system, follows) if follows in term.system.fields else follows
             return Description(f"a memory of {of} in {term.field_meaning}", term.text, ": ")
     return None
