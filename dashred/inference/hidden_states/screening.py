@@ -63,8 +63,8 @@ class Screened:
         tau: its time constant.
         offset: ``z - u`` at the first sample.
         members: candidates beside it.
+        size: number of candidates, with the gain and with another start.
         cost: F.
-        score: F in units of the noise, with the price of the candidates.
     """
 
     equation: str
@@ -73,8 +73,12 @@ class Screened:
     tau: float
     offset: float
     members: Set
+    size: int
     cost: float
-    score: float
+
+    def score(self, level: float, price: float) -> float:
+        """Return F at a misfit per reading, with the price of its candidates."""
+        return self.cost / level + price * self.size
 
 
 def track(found: SegmentSearch) -> Tracked:
@@ -109,15 +113,23 @@ def screen(
         sensors: the fit sensors.
         equations: where a hidden state may act.
     """
-    best: dict[tuple[str, str, bool, bool], Screened] = {}
+    every: list[Screened] = []
     for follows, acts_on in followed(found, equations).items():
         if found.problem.deadline.is_over:
             break
-        for each in _screen_one(found, tracked, sensors, follows, acts_on):
-            kind = (each.equation, each.follows, each.is_difference, bool(each.members))
-            if kind not in best or each.score < best[kind].score:
-                best[kind] = each
-    return sorted(best.values(), key=lambda each: each.score)
+        every += _screen_one(found, tracked, sensors, follows, acts_on)
+    level, price = least_level(found, every), term_price(found.problem)
+    best: dict[tuple[str, str, bool, bool], Screened] = {}
+    for each in sorted(every, key=lambda each: each.score(level, price)):
+        kind = (each.equation, each.follows, each.is_difference, bool(each.members))
+        best.setdefault(kind, each)
+    return list(best.values())
+
+
+def least_level(found: SegmentSearch, screened: Sequence[Screened]) -> float:
+    """Return the lowest misfit per reading, of the best law or with a hidden state."""
+    least = min((each.cost for each in screened), default=math.inf)
+    return max(min(least, found.best.fit.cost) / found.problem.segments.seen, 1e-12)
 
 
 def time_constants(found: SegmentSearch) -> list[float]:
@@ -178,11 +190,13 @@ def _screen_one(
         first = found.problem.count + 3 * place
         for is_difference in (False, True):
             gain, left = first + is_difference, first + 2
-            for chosen, cost, score in _best_sets(found, profiled, gain, left, extended):
+            for chosen, cost in _best_sets(profiled, gain, left, extended):
                 xi = dict(zip(chosen, profiled.coefficients(chosen).tolist(), strict=True))
                 offset = xi[left] / xi[gain] if left in xi and xi[gain] else 0.0
                 members = tuple(j for j in chosen if j < found.problem.count)
-                yield Screened(equation, follows, is_difference, tau, offset, members, cost, score)
+                yield Screened(
+                    equation, follows, is_difference, tau, offset, members, len(chosen), cost
+                )
 
 
 def _names(found: SegmentSearch) -> frozenset[str]:
@@ -190,20 +204,14 @@ def _names(found: SegmentSearch) -> frozenset[str]:
 
 
 def _best_sets(
-    found: SegmentSearch, profiled: ProfiledProblem, gain: int, rest: int, extended: Sequence[bool]
-) -> Iterator[tuple[Set, float, float]]:
-    """Yield the best set of a gain alone and the best one beside terms, with F and score."""
+    profiled: ProfiledProblem, gain: int, rest: int, extended: Sequence[bool]
+) -> Iterator[tuple[Set, float]]:
+    """Yield the best sets of each size with a gain, alone and beside terms, with their F."""
     alone: list[Set] = [(gain,), (gain, rest)]
     sets, costs = alone[:1], predict(profiled, alone[:1])
+    yield from costs.items()
     for size in range(2, LARGEST + 1):
         grown = predict(profiled, with_one(sets, extended) + alone[1:] * (size == 2))
-        costs |= {members: grown[members] for members in alone if members in grown}
         sets = sorted(grown, key=grown.__getitem__)[:BEAM]
-        costs |= {members: grown[members] for members in sets}
-    seen, price = found.problem.segments.seen, term_price(found.problem)
-    level = max(min(*costs.values(), found.best.fit.cost) / seen, 1e-12)
-    scores = {members: cost / level + price * len(members) for members, cost in costs.items()}
-    for chosen in (alone, [members for members in costs if members not in alone]):
-        best = min(chosen, key=scores.__getitem__, default=None)
-        if best is not None:
-            yield best, costs[best], scores[best]
+        kept = [sets[0], *(members for members in alone if members in grown)]
+        yield from ((members, grown[members]) for members in dict.fromkeys(kept))

@@ -14,12 +14,14 @@ from dashred.inference.hidden_states.screening import (
     Screened,
     courses_of,
     followed,
+    least_level,
     screen,
     time_constants,
     track,
 )
 from dashred.inference.hidden_states.segment_fit import HiddenFit, changed_tau, fit_screened
 from dashred.inference.segments.gauss_newton import NodeFit
+from dashred.inference.segments.selection.beside_errors import EXPLAINED
 from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.inference.segments.selection.set_selection import SegmentLaw, select, term_price
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
@@ -46,18 +48,23 @@ class HiddenSearch:
         equation: the equation in which it acts.
         term: what its gain multiplies.
         found: the laws of the system with the hidden state, the best first.
+        price: of its time constant, of its start and of the hidden states tried, in scores.
     """
 
     state: HiddenState
     equation: str
     term: str
     found: SegmentSearch
+    price: float
 
 
 def search_hidden_states(
     found: SegmentSearch, sensors: Sequence[Sensor], equations: Sequence[str]
 ) -> HiddenSearch | None:
-    """Return the laws with the best hidden state; None if it is not better than those without.
+    """Return the laws with the best hidden state; None if the evidence supports none.
+
+    A hidden state has to explain the record, and has to be better than every law without one. Its
+    time constant has to be determined, and shorter than the record.
 
     Args:
         found: laws without hidden states.
@@ -98,11 +105,13 @@ def _selected(found: SegmentSearch, best: HiddenFit, price: float) -> HiddenSear
     if not told.score < within - HIDDEN_GAIN:
         return None
     searched = replace(found, problem=problem, natural=best.natural, laws=ranked)
+    if searched.level > EXPLAINED:
+        return None
     tau, std = _tau(searched, told, best.state)
     duration = time_constants(found)[-1]
     if std > LARGEST_ERROR * tau or tau > duration:
         return None
-    return HiddenSearch(replace(best.state, tau=tau), best.equation, best.term, searched)
+    return HiddenSearch(best.state, best.equation, best.term, searched, price)
 
 
 def _tau(found: SegmentSearch, law: SegmentLaw, state: HiddenState) -> tuple[float, float]:
@@ -125,10 +134,9 @@ def _hidden_price(found: SegmentSearch, equations: Sequence[str]) -> float:
 
 def _is_promising(found: SegmentSearch, screened: Sequence[Screened], price: float) -> bool:
     """Tell whether a hidden state may be better than the best law, by linear algebra alone."""
-    best, seen = found.best, found.problem.segments.seen
-    level = max(min(best.fit.cost, screened[0].cost) / seen, 1e-12)
-    own = best.fit.cost / level + term_price(found.problem) * len(best.members)
-    return screened[0].score + price < own - HIDDEN_GAIN
+    best, level, own = found.best, least_level(found, screened), term_price(found.problem)
+    score = best.fit.cost / level + own * len(best.members)
+    return screened[0].score(level, own) + price < score - HIDDEN_GAIN
 
 
 def _ranked(

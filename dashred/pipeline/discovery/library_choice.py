@@ -72,8 +72,9 @@ def search_libraries(problem: Problem, nominal: NominalRun) -> tuple[Problem, Se
         return problem, found
     is_simple = is_narrow and opened is None and beside is None
     wider, further = (problem, found) if is_simple else _extend(problem, nominal, found)
-    if further.level > NOISE:
-        wider, further = with_hidden_state(problem, further) or (wider, further)
+    hidden = with_hidden_state(problem, further, beside) if further.level > NOISE else None
+    if hidden is not None:
+        return hidden
     if beside is not None and _score(beside) < _score(further) - EXTENSION_GAIN:
         return problem, beside
     return wider, further
