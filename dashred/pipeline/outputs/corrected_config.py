@@ -151,7 +151,8 @@ def _header(
         f"± is one standard deviation. The configuration was {origin}.",
         "",
         "The start and its spin-up are the configuration's own, so the spin-up now runs under the "
-        "corrected equations; the start that was fitted to the recording is in estimates.nc.",
+        "corrected equations; the start that was fitted to the recording is in estimates.nc."
+        + (f" {hidden['state']} begins at its fitted start." if hidden else ""),
         "",
         *_structure_note(config, corrected),
         "dashred train conf=OUTPUT/corrected.yaml recording.path=RECORDING",
