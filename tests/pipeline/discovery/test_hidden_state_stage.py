@@ -35,11 +35,11 @@ recording: {path: recording.csv}
 GAIN, TAU, TIMES = 0.2, 3.4, np.linspace(0, 60, 241)
 
 
-def water(gain: float) -> np.ndarray:
-    """Return the temperature of the water, with a wall of this gain."""
+def water(gain: float, first: float = 90.0, wall: float = 22.0) -> np.ndarray:
+    """Return the temperature of the water, with a wall of this gain; exact."""
     rates = np.array([[-0.025 - gain, gain], [1 / TAU, -1 / TAU]])
     values, vectors = np.linalg.eig(rates)
-    shares = np.linalg.solve(vectors, np.array([68.0, 0.0]))
+    shares = np.linalg.solve(vectors, np.array([first - 22, wall - 22]))
     return 22 + (vectors[0] * shares) @ np.exp(np.outer(values, TIMES))
 
 
