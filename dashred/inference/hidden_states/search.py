@@ -20,6 +20,7 @@ from dashred.inference.hidden_states.screening import (
     track,
 )
 from dashred.inference.hidden_states.segment_fit import HiddenFit, changed_tau, fit_screened
+from dashred.inference.segments.findings.error_growth import is_chaotic
 from dashred.inference.segments.gauss_newton import NodeFit
 from dashred.inference.segments.selection.beside_errors import EXPLAINED
 from dashred.inference.segments.selection.search import SegmentSearch
@@ -63,8 +64,9 @@ def search_hidden_states(
 ) -> HiddenSearch | None:
     """Return the laws with the best hidden state; None if the evidence supports none.
 
-    A hidden state has to explain the record, and has to be better than every law without one. Its
-    time constant has to be determined, and shorter than the record.
+    A hidden state has to explain the record along a trajectory that does not forget its start, and
+    has to be better than every law without one. Its time constant has to be determined, and within
+    the range that is tried.
 
     Args:
         found: laws without hidden states.
@@ -108,8 +110,8 @@ def _selected(found: SegmentSearch, best: HiddenFit, price: float) -> HiddenSear
     if searched.level > EXPLAINED:
         return None
     tau, std = _tau(searched, told, best.state)
-    duration = time_constants(found)[-1]
-    if std > LARGEST_ERROR * tau or tau > duration:
+    least, *_, most = time_constants(found)
+    if std > LARGEST_ERROR * tau or not least < tau < most or is_chaotic(searched):
         return None
     return HiddenSearch(best.state, best.equation, best.term, searched, price)
 
