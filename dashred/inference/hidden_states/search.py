@@ -64,9 +64,9 @@ def search_hidden_states(
 ) -> HiddenSearch | None:
     """Return the laws with the best hidden state; None if the evidence supports none.
 
-    A hidden state has to explain the record along a trajectory that does not forget its start, and
-    has to be better than every law without one. Its time constant has to be determined, and within
-    the range that is tried.
+    A hidden state has to explain the record, and has to be better than every law without one. Its
+    time constant has to be determined, and within the range that is tried. An error of the start
+    must not grow over the record: an unstable hidden state could follow anything.
 
     Args:
         found: laws without hidden states.

@@ -34,7 +34,8 @@ from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.simulation.state_samples import state_samples
 
-# Sensor errors are searched beside laws of more terms, or if the record is not explained.
+# Sensor errors and hidden states are searched beside laws of more terms, or if the record is not
+# explained.
 SIMPLE_TERMS = 2
 # Definitions get candidates if the misfit per reading is above this limit, and if it then decreases
 # below this share.
@@ -72,9 +73,11 @@ def search_libraries(problem: Problem, nominal: NominalRun) -> tuple[Problem, Se
         return problem, found
     is_simple = is_narrow and opened is None and beside is None
     wider, further = (problem, found) if is_simple else _extend(problem, nominal, found)
-    hidden = with_hidden_state(problem, further, beside) if further.level > NOISE else None
-    if hidden is not None:
-        return hidden
+    # A law of many terms may imitate a hidden state.
+    if further.level > NOISE or len(further.best.members) > SIMPLE_TERMS:
+        hidden = with_hidden_state(problem, further, beside)
+        if hidden is not None:
+            return hidden
     if beside is not None and _score(beside) < _score(further) - EXTENSION_GAIN:
         return problem, beside
     return wider, further
