@@ -19,6 +19,14 @@ def pretty(term: str) -> str:
     return raised if "**" in raised else raised.replace("*", "·")
 
 
+def parenthesize_sum(text: str) -> str:
+    """Put a sum in mathematical notation in parentheses, for multiplication by a coefficient."""
+    flat = text
+    while (rest := re.sub(r"\([^()]*\)", "", flat)) != flat:
+        flat = rest
+    return f"({text})" if re.search(rf" [+\-{MINUS}] ", flat) else text
+
+
 def number(value: float) -> str:
     """Format a number without an uncertainty: ``0.035``, ``−1.2e−07``."""
     return f"{value + 0.0:.{DIGITS}g}".replace("-", MINUS)

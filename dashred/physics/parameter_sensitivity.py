@@ -62,6 +62,23 @@ def acts_linearly(system: System, parameters: Collection[str]) -> bool:
         return False
 
 
+def act_separately(system: System, parameters: Collection[str]) -> bool:
+    """Return whether the effect of each parameter does not depend on the values of the others.
+
+    False as well if an equation has no derivative with respect to one of them.
+    """
+    try:
+        return all(
+            differentiate(slope, q) == ZERO
+            for p in parameters
+            for slope in parameter_slopes(system, p).values()
+            for q in parameters
+            if q != p
+        )
+    except NotDifferentiableError:
+        return False
+
+
 def is_within_function(expr: Expr, parameters: Set[str]) -> bool:
     """Return whether an argument of a function or a condition contains one of some names."""
     if isinstance(expr, Call | Where) and names(expr) & parameters:

@@ -11,6 +11,7 @@ from dashred.core.budget import OutOfTimeError
 from dashred.core.errors import InputError
 from dashred.core.tracking import RunTracker
 from dashred.inference.hypotheses.result import Discovery
+from dashred.inference.segments.findings.error_growth import is_chaotic
 from dashred.inference.segments.findings.segment_laws import law_from_segments, states_by_sample
 from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.physics.runs.ensemble import Ensemble
@@ -22,7 +23,6 @@ from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_term
 from dashred.pipeline.discovery.segment_stage import (
     discover_in_segments,
     has_sensor_errors,
-    is_chaotic,
     search_in_segments,
 )
 from dashred.pipeline.outputs import report
@@ -102,6 +102,8 @@ def _simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
         return SimulationRuns(problem, nominal, resolution, None)
     problem = with_longer_step(problem, nominal)
     problem, segments = search_in_segments(problem, nominal, seconds)
+    if problem.hidden is not None:
+        nominal = simulate_nominal(problem, seconds)
     ensemble = _training_ensemble(problem, nominal, segments, seconds)
     return SimulationRuns(problem, nominal, resolution, ensemble, segments)
 

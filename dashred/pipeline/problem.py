@@ -31,6 +31,7 @@ from dashred.inference.results.corrected_system import with_parameters
 from dashred.inference.results.verdict import describe_fault
 from dashred.physics.external.snapshot_file import open_snapshots
 from dashred.physics.external.snapshots import Snapshots
+from dashred.physics.hidden_state import HiddenState, with_hidden_states
 from dashred.physics.let_terms import build_let_terms
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
@@ -73,6 +74,8 @@ class Problem:
         budget: time of the run.
         longer_dt: time step of the ensemble and of derivatives if the configuration states none;
             None keeps that of the simulator.
+        hidden: a hidden state that was added to the system, because without it no law could
+            explain the recording.
     """
 
     config: Config
@@ -91,6 +94,7 @@ class Problem:
     snapshots: Snapshots | None = None
     budget: Budget = field(default_factory=Budget)
     longer_dt: float | None = None
+    hidden: HiddenState | None = None
 
     def deadline(self, stage: str) -> Deadline:
         """Return the time at which a stage ends (:data:`.time_shares.ENDS`).
@@ -141,10 +145,13 @@ class Problem:
     def parameter_priors(self) -> dict[str, ChangePrior]:
         """Priors of the changes of the uncertain parameters, by name."""
         stated, known = self.config.system, self.system.config.parameters
-        return {
+        priors = {
             name: ChangePrior(stated.parameters[name] - known[name], spread)
             for name, spread in stated.parameter_spread.items()
         }
+        if self.hidden is not None:
+            priors[self.hidden.constant] = ChangePrior(0.0, self.hidden.tau_spread)
+        return priors
 
     @property
     def stated_system(self) -> System:
@@ -170,6 +177,23 @@ class Problem:
     def with_extensions(self, terms: Sequence[Term]) -> Problem:
         """Return the problem with terms that its library does not contain."""
         return replace(self.with_library([*self.library, *terms]), extensions=tuple(terms))
+
+    def with_hidden_state(self, state: HiddenState, equation: str, term: str) -> Problem:
+        """Return the problem with a hidden state in the system, and a term with it.
+
+        Args:
+            state: the hidden state.
+            equation: the equation in which it acts.
+            term: what its gain multiplies, in this equation.
+        """
+
+        def changed(episode: Problem) -> Problem:
+            system = episode.system
+            config = with_hidden_states(system.config, [state])
+            return replace(episode, system=system.with_config(config), hidden=state)
+
+        augmented = self._in_every_episode(changed)
+        return augmented.with_extensions(build_library(augmented.system, {equation: [term]}))
 
     def operator(self, recording: Recording) -> ObservationOperator:
         """Return the observation operator H of the sensors of a part of the recording."""

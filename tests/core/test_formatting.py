@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dashred.core.formatting import joined, number, percent, rounded, with_error
+from dashred.core.formatting import joined, number, parenthesize_sum, percent, rounded, with_error
 
 
 @pytest.mark.parametrize(
@@ -43,3 +43,11 @@ def test_numbers_alone_have_four_digits_and_a_true_minus() -> None:
 @pytest.mark.parametrize(("parts", "text"), [("X", "X"), ("XG", "X and G"), ("XGW", "X, G and W")])
 def test_parts_are_joined_as_in_a_sentence(parts: str, text: str) -> None:
     assert joined(list(parts)) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("z − T", "(z − T)"), ("z - T", "(z - T)"), ("(u + v)·w", "(u + v)·w"), ("u²", "u²")],
+)
+def test_a_sum_is_put_in_parentheses(text: str, expected: str) -> None:
+    assert parenthesize_sum(text) == expected

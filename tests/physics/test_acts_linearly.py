@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dashred.physics.parameter_sensitivity import acts_linearly
+from dashred.physics.parameter_sensitivity import act_separately, acts_linearly
 from tests import laws
 
 TEXT = """
@@ -42,3 +42,16 @@ recording: {twin: a, sensors: 1, noise: 0, duration: 4, every: 0.1}
 )
 def test_acts_linearly(tmp_path: Path, parameters: tuple[str, ...], expected: bool) -> None:
     assert acts_linearly(laws.declared(tmp_path, TEXT), parameters) == expected
+
+
+@pytest.mark.parametrize(
+    ("parameters", "expected"),
+    [
+        (("m",), True),
+        (("b", "depth"), True),
+        (("b", "w"), False),
+        (("k", "m"), False),
+    ],
+)
+def test_act_separately(tmp_path: Path, parameters: tuple[str, ...], expected: bool) -> None:
+    assert act_separately(laws.declared(tmp_path, TEXT), parameters) == expected

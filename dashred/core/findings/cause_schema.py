@@ -69,6 +69,8 @@ Cause = TypedDict(
         "terms": list[str],
         "parameter": list[str],
         "extended": bool,
+        # The name of a hidden state of this law.
+        "hidden_state": str,
         # The equation of a localised source, whose terms these are.
         "source": str,
         # Distance of the initial state from its prior, in standard deviations of the prior.

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NotRequired, TypedDict, cast
 
 from dashred.core.findings.cause_schema import Cause, Verdict
+from dashred.core.findings.hidden_state_schema import HiddenStateFound
 from dashred.core.findings.law_schema import (
     Alternative,
     AlternativeTerm,
@@ -202,6 +203,8 @@ class Findings(TypedDict):
     `fitted_parameters` are the parameters that the configuration states with a spread. They are
     fitted beside the law, and the verdict does not depend on their values.
 
+    `hidden_state` exists only if the law contains a state that is not in the equations.
+
     `units` are the units stated by the configuration or the recording, by name, and the unit of
     time as `t`. The key exists only if a unit is stated.
     """
@@ -212,6 +215,7 @@ class Findings(TypedDict):
     terms: list[MissingTerm | ParameterChange] | None
     also_supported: list[AlternativeTerm]
     fitted_parameters: list[FittedParameter]
+    hidden_state: NotRequired[HiddenStateFound]
     alternatives: list[Alternative] | None
     smaller: list[SmallerLaw] | None
     energy: EnergyLoss | None
@@ -269,6 +273,7 @@ def new_findings(
     terms: list[MissingTerm | ParameterChange] | None = None,
     also_supported: Sequence[AlternativeTerm] = (),
     fitted_parameters: Sequence[FittedParameter] = (),
+    hidden_state: HiddenStateFound | None = None,
     alternatives: list[Alternative] | None = None,
     smaller: list[SmallerLaw] | None = None,
     energy: EnergyLoss | None = None,
@@ -305,6 +310,8 @@ def new_findings(
         corrected=corrected,
         input=source,
     )
+    if hidden_state is not None:
+        findings["hidden_state"] = hidden_state
     if units:
         findings["units"] = dict(units)
     return findings

@@ -6,7 +6,7 @@ from dashred.core.findings.law_schema import FittedParameter
 from dashred.inference.fit import law as fit
 from dashred.inference.fit.law import Z95, Law
 from dashred.inference.results.parameter_change import exact_change, parameter_change
-from dashred.physics.parameter_sensitivity import acts_linearly
+from dashred.physics.parameter_sensitivity import act_separately, acts_linearly
 from dashred.physics.system import System
 
 # A change by at most this share of its posterior std is too small for the tangent to differ.
@@ -28,9 +28,9 @@ def exact_changes(system: System, law: Law) -> dict[str, float]:
     """Return the changes of parameters that together have the effect of a law.
 
     A law adds ``ξ ∂N/∂p`` for each changed parameter. Other values of several parameters have that
-    effect if the equations are affine in them; if there is one parameter, and it changes its
-    tangent by a factor alone; or if the changes of uncertain parameters are small. A parameter
-    without such a value is not in the result.
+    effect if the equations are affine in them; if no effect depends on another parameter, and each
+    changes its tangent by a factor alone; or if the changes of uncertain parameters are small. A
+    parameter without such a value is not in the result.
 
     Args:
         system: the simulator, about whose parameters the law is linearised.
@@ -41,15 +41,12 @@ def exact_changes(system: System, law: Law) -> dict[str, float]:
     changed = {c.name: value for c, value in pairs if c.equation is None}
     if acts_linearly(system, changed):
         return changed
-    if not law.parameters:
+    if not law.parameters or act_separately(system, changed):
         # Each is told by itself.
         alone = {name: exact_change(system, name, xi) for name, xi in changed.items()}
-        return {name: change for name, change in alone.items() if change is not None}
-    if len(changed) == 1:
-        [(name, xi)] = changed.items()
-        change = exact_change(system, name, xi)
-        if change is not None:
-            return {name: change}
+        exact = {name: change for name, change in alone.items() if change is not None}
+        if not law.parameters or len(exact) == len(changed):
+            return exact
     is_settled = all(abs(each.change) <= SETTLED * each.std for each in law.parameters)
     return {each.candidate.name: each.change for each in law.parameters} if is_settled else {}
 

@@ -81,6 +81,12 @@ class Result:
 
         return fitted_parameters_table(self.findings)
 
+    @property
+    def hidden_state(self) -> Mapping[str, Any] | None:
+        """The hidden state of the law, with time constant and gain; None without one."""
+        found: Mapping[str, Any] | None = self.findings.get("hidden_state")
+        return found
+
     @cached_property
     def alternatives(self) -> pd.DataFrame:
         """The other laws that were compared, one per row, with the evidence against them."""

@@ -27,17 +27,21 @@ from dashred.inference.segments.selection.set_selection import SegmentLaw
 from dashred.physics.expressions import algebra
 from dashred.physics.library import WAVES, angles, build_library, calls, default_terms
 from dashred.physics.system import System
+from dashred.pipeline.discovery.hidden_state_stage import with_hidden_state
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
 from dashred.pipeline.discovery.segment_search import search_library
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.simulation.state_samples import state_samples
 
-# Sensor errors are searched beside laws of more terms, or if the record is not explained.
+# Sensor errors and hidden states are searched beside laws of more terms, or if the record is not
+# explained.
 SIMPLE_TERMS = 2
 # Definitions get candidates if the misfit per reading is above this limit, and if it then decreases
 # below this share.
 UNEXPLAINED, GAIN = 5.0, 0.5
+# A law that leaves only noise has a smaller misfit per reading, because the states are fitted, too.
+NOISE = 1.0
 # Two laws explain the record as well if their misfits differ by less than this factor.
 AS_WELL = 1.1
 # A law beyond the library has to be better than those of the library by this difference in score,
@@ -65,9 +69,15 @@ def search_libraries(problem: Problem, nominal: NominalRun) -> tuple[Problem, Se
         opened = _with_definitions(problem, nominal, found)
     if opened is not None:
         problem, found = opened
-    if found is None or (is_narrow and opened is None and beside is None):
+    if found is None:
         return problem, found
-    wider, further = _extend(problem, nominal, found)
+    is_simple = is_narrow and opened is None and beside is None
+    wider, further = (problem, found) if is_simple else _extend(problem, nominal, found)
+    # A law of many terms may imitate a hidden state.
+    if further.level > NOISE or len(further.best.members) > SIMPLE_TERMS:
+        hidden = with_hidden_state(problem, further, beside)
+        if hidden is not None:
+            return hidden
     if beside is not None and _score(beside) < _score(further) - EXTENSION_GAIN:
         return problem, beside
     return wider, further

@@ -29,9 +29,11 @@ def about_fitted_parameters(problem: Problem, found: SegmentSearch) -> dict[str,
         return None
     fitted = fitted_parameters(system, law_from_segments(found, found.best))
     current = system.config.parameters
-    values = {each["parameter"]: each["value"] for each in fitted}
+    # The time constant of a hidden state has been fitted about its value already.
+    stated = [each for each in fitted if each["parameter"] in spreads]
+    values = {each["parameter"]: each["value"] for each in stated}
     has_moved = any(
-        abs(each["value"] - current[each["parameter"]]) > MOVED * each["std"] for each in fitted
+        abs(each["value"] - current[each["parameter"]]) > MOVED * each["std"] for each in stated
     )
     if not has_moved:
         return None

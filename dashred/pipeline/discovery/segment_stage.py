@@ -13,7 +13,6 @@ from dashred.core.tracking import StageTracker
 from dashred.inference.fit.forecast_choice import MOST_TERMS
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.hypotheses.result import BestOfSize, Discovery
-from dashred.inference.segments.findings.error_growth import error_growth
 from dashred.inference.segments.findings.force_map import force_map
 from dashred.inference.segments.findings.forecast import sufficient_law
 from dashred.inference.segments.findings.segment_laws import law_from_segments, segment_noise
@@ -37,9 +36,6 @@ from dashred.pipeline.simulation.segmented_record import can_restart
 MAX_LAWS, SCORE_MARGIN = 8, 12.0
 # Searches about other values of uncertain parameters.
 PARAMETER_ROUNDS = 4
-# If an error of the start grows by more than this factor over the record, no single trajectory is
-# fitted (natural logarithm).
-CHAOTIC = math.log(1e3)
 
 
 def search_in_segments(
@@ -83,11 +79,6 @@ def _search_about_parameters(
             break
         searched, found = again, better
     return searched, found
-
-
-def is_chaotic(found: SegmentSearch) -> bool:
-    """Return whether an error of the start grows too much to fit a single trajectory."""
-    return error_growth(found) > CHAOTIC
 
 
 def with_few_terms(found: SegmentSearch) -> SegmentSearch:

@@ -13,12 +13,17 @@ import yaml
 from dashred.config import Config
 from dashred.config.layers import written_out
 from dashred.core.files.atomic import write_text_atomic
+from dashred.core.findings.hidden_state_schema import HiddenStateFound
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.inference.results.explanation import terms_of_law
 from dashred.inference.results.fitted_parameters import fitted_parameters
+from dashred.inference.results.hidden_state import hidden_state
+from dashred.physics.hidden_state import HiddenState, without_hidden_state
 from dashred.physics.system import System
 from dashred.reporting.text.fitted_parameters import TITLE, fitted_parameter_text
+from dashred.reporting.text.hidden_state import hidden_state_text
+from dashred.reporting.text.verdict import sentence
 from dashred.reporting.wording.findings_text import law_text
 
 NAME = "corrected.yaml"
@@ -36,6 +41,7 @@ def write_corrected(
     law: Law,
     recording_sha256: str,
     remark: str = "",
+    hidden: HiddenState | None = None,
 ) -> None:
     """Write the configuration of the corrected simulator atomically.
 
@@ -43,10 +49,16 @@ def write_corrected(
     parameters of :func:`dashred.inference.results.corrected_system.build_corrected_system`.
     Uncertain parameters have their fitted values, without a spread. The defaults stay in
     ``conf/base.yaml``. It contains no path, so it runs in any folder. The remark is part of its
-    header.
+    header. A hidden state of the law is one more field, and begins at its fitted start.
     """
     values = _user_values(config)
+    found = hidden_state(system, law, hidden)
     corrected = build_corrected_system(system, law)
+    if hidden is not None and found is None:
+        corrected = corrected.with_config(without_hidden_state(corrected.config, hidden))
+    if hidden is not None and found is not None:
+        for key, value in _sections_of(corrected, hidden, found).items():
+            _put(values, ["system", key, hidden.name], value)
     values["system"]["equations"] = _Block(corrected.config.equations)
     if corrected.config.let:
         values["system"]["let"] = _Block(corrected.config.let)
@@ -67,7 +79,7 @@ def write_corrected(
         }
         values["system"]["parameters"] = _Block(rounded)
     body = yaml.dump(values, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=WIDTH)
-    header = _header(config, system, law, recording_sha256, remark)
+    header = _header(config, system, corrected, law, recording_sha256, remark, found)
     write_text_atomic(path, f"{header}\n{body}")
 
 
@@ -104,21 +116,45 @@ def _belongs_to_recording(parts: list[str]) -> bool:
     return parts[0] == "recording" and (len(parts) < 2 or parts[1] in RECORDING_KEYS)
 
 
-def _header(config: Config, system: System, law: Law, recording_sha256: str, remark: str) -> str:
+def _sections_of(
+    corrected: System, hidden: HiddenState, found: HiddenStateFound
+) -> dict[str, str | float]:
+    """Return what the sections of a system state about a hidden state."""
+    sections: dict[str, str | float] = {
+        "fields": corrected.config.fields[hidden.name],
+        "start": float(f"{found['start']:.6g}"),
+        "spread": float(f"{hidden.spread:.3g}"),
+    }
+    if hidden.name in corrected.units:
+        sections["units"] = corrected.units[hidden.name]
+    return sections
+
+
+def _header(
+    config: Config,
+    system: System,
+    corrected: System,
+    law: Law,
+    recording_sha256: str,
+    remark: str,
+    hidden: HiddenStateFound | None,
+) -> str:
     origin = "given as a dict" if config.source is None else config.source.name
     lines = [
         f"{system.title}, corrected: the simulation with the law that dashred found.",
         "",
-        *_law_lines(system, law),
+        *_law_lines(config, system, law),
+        *([f"{sentence(hidden_state_text(hidden))}"] if hidden else []),
         *([remark] if remark else []),
         "",
         f"Found from the recording with sha256 {recording_sha256[:16]}…, seed {config.seed}; "
         f"± is one standard deviation. The configuration was {origin}.",
         "",
         "The start and its spin-up are the configuration's own, so the spin-up now runs under the "
-        "corrected equations; the start that was fitted to the recording is in estimates.nc.",
+        "corrected equations; the start that was fitted to the recording is in estimates.nc."
+        + (f" {hidden['state']} begins at its fitted start." if hidden else ""),
         "",
-        *_structure_note(config, build_corrected_system(system, law)),
+        *_structure_note(config, corrected),
         "dashred train conf=OUTPUT/corrected.yaml recording.path=RECORDING",
     ]
     if isinstance(config.recording.sensors, str):
@@ -127,9 +163,10 @@ def _header(config: Config, system: System, law: Law, recording_sha256: str, rem
     return "\n".join(f"# {line}".rstrip() for line in wrapped)
 
 
-def _law_lines(system: System, law: Law) -> list[str]:
+def _law_lines(config: Config, system: System, law: Law) -> list[str]:
     """Return the law in words, and the fitted parameters, one a line."""
-    terms, fitted = terms_of_law(system, law), fitted_parameters(system, law)
+    terms, stated = terms_of_law(system, law), config.system.parameter_spread
+    fitted = [each for each in fitted_parameters(system, law) if each["parameter"] in stated]
     if not fitted:
         return [law_text(terms, system)]
     listed = [f" {fitted_parameter_text(each)}" for each in fitted]

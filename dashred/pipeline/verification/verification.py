@@ -33,6 +33,7 @@ from dashred.inference.results.explanation import (
     terms_of_discovery,
 )
 from dashred.inference.results.fitted_parameters import fitted_parameters
+from dashred.inference.results.hidden_state import hidden_state, tell_hidden_state
 from dashred.inference.results.location import locate
 from dashred.inference.results.verdict import unexplained_share, verdict, with_faults
 from dashred.physics.runs.resolution import Resolution
@@ -108,6 +109,8 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         )
         note_budget(failed, problem.budget)
         return add_text(failed, problem.system)
+    hidden = hidden_state(problem.system, discovered.best, problem.hidden)
+    tell_hidden_state(causes, hidden)
     findings = new_findings(
         build_input(problem),
         fit=fit,
@@ -122,7 +125,12 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
             names,
         ),
         terms=terms_of_discovery(problem.system, discovered),
-        fitted_parameters=fitted_parameters(problem.system, discovered.best),
+        fitted_parameters=[
+            each
+            for each in fitted_parameters(problem.system, discovered.best)
+            if each["parameter"] in problem.config.system.parameter_spread
+        ],
+        hidden_state=hidden,
         alternatives=alternatives(discovered, problem.system),
         smaller=smaller_laws(discovered, problem.system),
         also_supported=also_supported(discovered, problem.system),
@@ -177,7 +185,9 @@ def write_findings(problem: Problem, analysis: Analysis, findings: Findings, out
         law = analysis.discovery.best
         sha256 = problem.recording_sha256
         remark = UNCONFIRMED if findings["verdict"] == "unconfirmed" else ""
-        write_corrected(output / CORRECTED, problem.config, problem.system, law, sha256, remark)
+        hidden = problem.hidden
+        path = output / CORRECTED
+        write_corrected(path, problem.config, problem.system, law, sha256, remark, hidden)
         others.append(CORRECTED)
     freeze_findings(output, findings, others)
 

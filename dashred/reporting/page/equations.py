@@ -1,10 +1,9 @@
 """The corrected equations, with the added terms separate from the original ones."""
 
-import re
 from collections.abc import Mapping
 from typing import Any
 
-from dashred.core.formatting import MINUS, number, pretty, rounded
+from dashred.core.formatting import MINUS, number, parenthesize_sum, pretty, rounded
 from dashred.core.units import NO_UNITS, with_unit
 from dashred.reporting.text.fitted_parameters import fitted_parameter_text
 from dashred.reporting.text.regions import bounds
@@ -29,6 +28,8 @@ def equations(findings: Mapping[str, Any]) -> dict[str, Any]:
         }
         for field, text in system.get("equations", {}).items()
     ]
+    if (hidden := findings.get("hidden_state")) is not None:
+        rates.append({"field": hidden["state"], "known": "", "added": [_relaxation(hidden)]})
     return {
         "d": "∂" if system.get("axes") else "d",
         "rates": rates,
@@ -44,22 +45,20 @@ def equations(findings: Mapping[str, Any]) -> dict[str, Any]:
 def _term(term: Mapping[str, Any], units: Mapping[str, str]) -> str:
     size, _ = rounded(abs(term["coefficient"]), term["std"])
     sign = MINUS if term["coefficient"] < 0 else "+"
-    expression = _parenthesize_sum(_format_expression(term["term"]))
+    expression = parenthesize_sum(_format_expression(term["term"]))
     product = size if term["term"] == "1" else f"{size}·{expression}"
     where = f" for {bounds(term['region'][0], units)}" if term["region"] else ""
     return f"{sign} {product}{where}"
 
 
+def _relaxation(hidden: Mapping[str, Any]) -> str:
+    """Return the right-hand side of the equation of a hidden state."""
+    tau, _ = rounded(hidden["time_constant"], hidden["time_constant_std"])
+    return f"({hidden['follows']} {MINUS} {hidden['state']})/{tau}"
+
+
 def _format_expression(text: str) -> str:
     return pretty(text).replace("-", MINUS)
-
-
-def _parenthesize_sum(text: str) -> str:
-    """Put a sum in parentheses, for multiplication by a coefficient."""
-    flat = text
-    while (rest := re.sub(r"\([^()]*\)", "", flat)) != flat:
-        flat = rest
-    return f"({text})" if re.search(rf" [+{MINUS}] ", flat) else text
 
 
 def _parameter(term: Mapping[str, Any], units: Mapping[str, str]) -> dict[str, str]:

@@ -67,6 +67,8 @@ def cause_text(cause: Cause, units: Mapping[str, str] = NO_UNITS) -> str | None:
             )
         case "outside-library" if "source" in cause:
             return "no law of the library explains the recording; a localised source does"
+        case "outside-library" if "hidden_state" in cause:
+            return "no law of the library explains the recording; a law with a hidden state does"
         case "outside-library":
             return EXTENDED
     return None

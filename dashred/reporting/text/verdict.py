@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from dashred.core.formatting import joined, number, percent, pretty, rounded
+from dashred.core.formatting import joined, number, parenthesize_sum, percent, pretty, rounded
 from dashred.core.units import NO_UNITS, with_unit
 from dashred.reporting.text.causes import fault_causes
 from dashred.reporting.text.improvement import (
@@ -185,7 +185,7 @@ def law(findings: Mapping[str, Any]) -> list[str]:
         noun = "a parameter has a wrong value" if len(changed) == 1 else "parameters are wrong"
         lines.append(f"{noun}: {'; and '.join(changed)}")
     lines = [f"{guess}{line}" for line in lines]
-    parts = [*lines, *_main_part(findings), *_also_supported(findings)]
+    parts = [*lines, *_hidden(findings), *_main_part(findings), *_also_supported(findings)]
     return [sentence(line) for line in parts]
 
 
@@ -203,6 +203,12 @@ def _main_part(findings: Mapping[str, Any]) -> list[str]:
         return []
     left = f"{100 * (1 - few['explained']):.2g} %"
     return [f"of this, {alternative_text(few)} alone explains all but {left}"]
+
+
+def _hidden(findings: Mapping[str, Any]) -> list[str]:
+    """Return what the hidden state of the law follows, with its time constant and its gain."""
+    hidden = findings.get("hidden_state")
+    return [] if hidden is None else [hidden["says"]]
 
 
 def _also_supported(findings: Mapping[str, Any]) -> list[str]:
@@ -321,7 +327,7 @@ def in_symbols(term: Mapping[str, Any], where: str | None) -> str:
         sign = "+" if term["coefficient"] > 0 else ""
         return f"{term['term']} {sign}{value}"
     region = f" {where}" if where else ""
-    return f"{term['equation']}: {value}·{pretty(term['term'])}{region}"
+    return f"{term['equation']}: {value}·{parenthesize_sum(pretty(term['term']))}{region}"
 
 
 def _difference(alternative: Mapping[str, Any]) -> str:

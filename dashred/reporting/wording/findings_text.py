@@ -9,6 +9,7 @@ from dashred.core.findings.law_schema import AlternativeTerm, MissingTerm, Param
 from dashred.core.findings.schema import Findings
 from dashred.physics.system import System
 from dashred.reporting.text.causes import cause_text
+from dashred.reporting.text.hidden_state import hidden_state_text
 from dashred.reporting.text.parameters import parameter_text
 from dashred.reporting.text.regions import region_text, states_text
 from dashred.reporting.wording.sized_term import Description
@@ -27,6 +28,8 @@ def add_text(findings: Findings, system: System) -> Findings:
             cause["says"] = text
     for term in findings["terms"] or []:
         add_term_text(term, system)
+    if "hidden_state" in findings:
+        findings["hidden_state"]["says"] = hidden_state_text(findings["hidden_state"])
     listed = [
         law["terms"] for law in (*(findings["alternatives"] or []), *(findings["smaller"] or []))
     ]

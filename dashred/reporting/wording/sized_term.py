@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dashred.core.formatting import MINUS, pretty, with_error
+from dashred.core.formatting import MINUS, parenthesize_sum, pretty, with_error
 from dashred.core.units import TIME, format_unit, with_unit
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import ONE, Expr, Name, Number, Power, Product
@@ -52,7 +52,7 @@ class SizedTerm:
         """The term as text, such as ``(−0.0251 ± 0.0004)·u³ per unit time``."""
         if self.expr == ONE:
             return self.coefficient_text
-        product = f"({self.size()})·{format_expression(self.expr)}"
+        product = f"({self.size()})·{parenthesize_sum(format_expression(self.expr))}"
         return product if self.unit else f"{product} {self.rate}"
 
     @property

@@ -11,7 +11,17 @@ from collections.abc import Mapping
 
 from dashred.core.formatting import joined, with_error
 from dashred.core.units import TIME, with_unit
-from dashred.physics.expressions.algebra import ONE, Call, Expr, Name, split_coefficient
+from dashred.physics.expressions.algebra import (
+    ONE,
+    Call,
+    Expr,
+    Name,
+    add,
+    names,
+    scale,
+    split_coefficient,
+)
+from dashred.physics.hidden_state import followed_by
 from dashred.physics.let_terms import equations_with_let
 from dashred.physics.system import System
 from dashred.physics.term_units import coefficient_unit
@@ -42,6 +52,7 @@ def describe_term(
         return _describe_in_let(system, equation, expr, value, std)
     sized = SizedTerm(system, equation, expr, value, std)
     rules = (
+        _memory,
         _constant,
         _periodic,
         describe_squared_gradient,
@@ -62,6 +73,23 @@ def _describe_in_let(system: System, let: str, expr: Expr, value: float, std: fl
     size = with_unit(with_error(value, std), coefficient_unit(system, let, expr))
     text = size if expr == ONE else f"({size})·{format_expression(expr)}"
     return Description(f"a change of {let} in the {noun} of {joined(readers)}", text, " by ")
+
+
+def _memory(term: SizedTerm) -> Description | None:
+    """Describe a term with a hidden state by what this state follows."""
+    for field in names(term.expr) & set(term.system.fields):
+        follows = followed_by(term.system, field)
+        if follows is not None and term.expr in (Name(field), *_differences(field, follows)):
+            if follows == term.equation:
+                return Description(f"a memory of {term.field_meaning}", term.text, ": ")
+            of = meaning(term.system, follows) if follows in term.system.fields else follows
+            return Description(f"a memory of {of} in {term.field_meaning}", term.text, ": ")
+    return None
+
+
+def _differences(field: str, follows: str) -> list[Expr]:
+    pairs = ((field, follows), (follows, field))
+    return [add([Name(first), scale(-1.0, Name(second))]) for first, second in pairs]
 
 
 def _constant(term: SizedTerm) -> Description | None:

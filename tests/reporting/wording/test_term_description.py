@@ -224,7 +224,7 @@ def test_coefficients_of_a_pendulum_have_units(tmp_path, equation, term, expecte
         ("lam", "lam", "linear damping of combustion progress, −0.0400 ± 0.0003 per s"),
         ("lam", "u", "(−0.0400 ± 0.0003)·u per s"),
         ("u", "u*lam", "(−0.0400 ± 0.0003)·lam·u per s"),
-        ("u", "u**2 + u", "(−0.0400 ± 0.0003)·u + u² per s"),
+        ("u", "u**2 + u", "(−0.0400 ± 0.0003)·(u + u²) per s"),
     ],
 )
 def test_units_that_are_not_stated_are_not_made_up(tmp_path, equation, term, expected) -> None:

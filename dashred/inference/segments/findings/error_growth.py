@@ -8,6 +8,15 @@ import numpy as np
 
 from dashred.inference.segments.selection.search import SegmentSearch
 
+# If an error of the start grows by more than this factor over the record, no single trajectory is
+# fitted (natural logarithm).
+CHAOTIC = math.log(1e3)
+
+
+def is_chaotic(search: SegmentSearch) -> bool:
+    """Return whether an error of the start grows too much to fit a single trajectory."""
+    return error_growth(search) > CHAOTIC
+
 
 def error_growth(search: SegmentSearch) -> float:
     """Return the natural logarithm of the largest growth of an error of the start.

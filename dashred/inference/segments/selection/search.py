@@ -102,8 +102,8 @@ def search(
     point = min(states, key=lambda fit: fit.cost).point
     for _ in range(NOISE_ROUNDS):
         for q, prior in ALL_TERMS:
-            weighted = _weighted(problem, natural, q, prior)
-            fit = fit_nodes(weighted, point, everything, ANNEALING_STEPS)
+            loose = weighted(problem, natural, q, prior)
+            fit = fit_nodes(loose, point, everything, ANNEALING_STEPS)
             point = fit.point
         left = fit.cost / problem.segments.seen
         if left > OVERESTIMATED:
@@ -111,8 +111,8 @@ def search(
         # Differences of readings overestimate σ where the samples are few in a period.
         factor = math.sqrt(max(left, LEAST) / EXPECTED)
         problem = problem.with_noise(factor * problem.noise_std)
-    tight = _weighted(problem, natural, SELECTION, PRIOR)
-    return SegmentSearch(tight, natural, select(tight, weighted, point))
+    tight = weighted(problem, natural, SELECTION, PRIOR)
+    return SegmentSearch(tight, natural, select(tight, loose, point))
 
 
 def search_further(
@@ -147,12 +147,13 @@ def _state_alone(
     stated = problem.parameters.means.numpy()
     fit = NodeFit(Point.at(nodes, problem.count, stated), math.inf)
     for q in STATE_ALONE:
-        fit = fit_nodes(_weighted(problem, natural, q, 1.0), fit.point, (), ANNEALING_STEPS)
+        fit = fit_nodes(weighted(problem, natural, q, 1.0), fit.point, (), ANNEALING_STEPS)
     return fit
 
 
-def _weighted(
+def weighted(
     problem: WeakConstraintProblem, natural: NaturalScales, q: float, prior: float
 ) -> WeakConstraintProblem:
+    """Return F with model error and prior in units of the natural scales."""
     error = np.maximum(q * natural.rate * problem.segments.span, 1e-4 * natural.size)
     return problem.with_weights(error, prior * natural.coefficient)

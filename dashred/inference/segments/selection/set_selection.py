@@ -123,12 +123,12 @@ def _refit_all(
     for members in sets:
         if problem.deadline.is_over and fits:
             break
-        fit = _refit(problem, point, members)
+        fit = refit(problem, point, members)
         if members not in fits or fit.cost < fits[members].cost:
             fits[members] = fit
 
 
-def _refit(problem: WeakConstraintProblem, point: Point, members: Set) -> NodeFit:
+def refit(problem: WeakConstraintProblem, point: Point, members: Set) -> NodeFit:
     """Fit one set, under a looser model error first."""
     looser = problem.with_weights(LOOSER * problem.model_error, problem.prior_std)
     begun = fit_nodes(looser, point, members, LOOSER_STEPS, LOOSE_TOLERANCE)
