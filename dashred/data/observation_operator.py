@@ -11,6 +11,7 @@ from torch import Tensor, nn
 
 from dashred.data.interpolation import linear_weights, trigonometric_weights
 from dashred.data.sensors import Sensor, SystemDescription, check_sensor
+from dashred.physics.backends.input_signals import Array
 
 
 @runtime_checkable
@@ -21,7 +22,7 @@ class ObservedSystem(SystemDescription, Protocol):
     def spectral(self) -> bool:
         """Whether the fields are band-limited rather than known at grid points only."""
 
-    def evaluate(self, name: str, state: Tensor, t: float, /) -> Tensor:
+    def evaluate(self, name: str, state: Tensor, t: float | Array, /) -> Tensor:
         """Return a derived quantity ``(*batch, *grid)`` of states ``(*batch, field, *grid)``."""
 
 
@@ -59,11 +60,12 @@ class ObservationOperator(nn.Module):
         return len(self._system.axes)
 
     def forward(
-        self, state: Float[Tensor, "*dims"], t: float = 0.0
+        self, state: Float[Tensor, "*dims"], t: float | Array = 0.0
     ) -> Float[Tensor, "*batch sensor"]:
         """Return the sensor values of states ``(*batch, field, *grid)``.
 
-        The time ``t`` matters only to derived quantities that depend on it.
+        The time ``t`` matters only to derived quantities that depend on it. It is one time for all
+        states, or the times of the states, ``(*batch)``.
         """
         weights = self._weights.to(state.dtype)
         batch = state.shape[: state.ndim - 1 - len(self._system.axes)]
@@ -73,7 +75,7 @@ class ObservationOperator(nn.Module):
             found.append(quantity.to(state.dtype) @ weights[first:last].T)
         return torch.cat(found, dim=-1).index_select(-1, self._order)
 
-    def _quantity(self, name: str, state: Tensor, t: float) -> Tensor:
+    def _quantity(self, name: str, state: Tensor, t: float | Array) -> Tensor:
         if name in self._system.fields:
             return state.select(-1 - len(self._system.axes), self._system.fields.index(name))
         return self._system.evaluate(name, state, t)

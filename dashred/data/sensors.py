@@ -81,6 +81,8 @@ class Sensor:
         position: one coordinate per axis, in the axis' unit; empty for an ODE system.
         std: noise std, in the unit of the measured quantity; None if unknown.
         std_share: noise std as a share of the std of its readings; None if it is not stated so.
+        known: let with the part of its readings that inputs and time determine, and that has been
+            subtracted from them; empty without one.
     """
 
     name: str
@@ -88,6 +90,12 @@ class Sensor:
     position: tuple[float, ...] = ()
     std: float | None = None
     std_share: float | None = None
+    known: str = ""
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """The field or lets whose sum was measured."""
+        return (self.reads, self.known) if self.known else (self.reads,)
 
 
 def observable_names(system: SystemDescription) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -56,6 +56,16 @@ class Split:
     time_end: float
     fit_end: float
     note: str
+
+    def each(self, change: Callable[[Recording], Recording]) -> Split:
+        """Return the split with every part of the recording changed."""
+        return replace(
+            self,
+            fit=change(self.fit),
+            validation=change(self.validation),
+            heldout=change(self.heldout),
+            tested=change(self.tested),
+        )
 
     @property
     def roles(self) -> dict[str, str]:

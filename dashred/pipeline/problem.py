@@ -18,7 +18,11 @@ from dashred.data.angles import continue_angles
 from dashred.data.episodes import Episodes, name_episode_in_errors
 from dashred.data.inputs import with_inputs
 from dashred.data.io.reader import read_episodes
-from dashred.data.known_readings import check_reads_no_uncertain, subtract_known_readings
+from dashred.data.known_readings import (
+    check_uncertain_have_effect,
+    subtract_known_readings,
+    with_known_at,
+)
 from dashred.data.noise_level import noise_std
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.own_times import describe_times, has_uneven_times
@@ -34,6 +38,7 @@ from dashred.physics.external.snapshot_file import open_snapshots
 from dashred.physics.external.snapshots import Snapshots
 from dashred.physics.let_terms import build_let_terms
 from dashred.physics.library import build_library
+from dashred.physics.parameter_sensitivity import parameters_read
 from dashred.physics.system import System, Term
 from dashred.pipeline.time_shares import ENDS, begin_budget
 from dashred.pipeline.time_step import states_time_step, with_time_step
@@ -73,6 +78,9 @@ class Problem:
         budget: time of the run.
         longer_dt: time step of the ensemble and of derivatives if the configuration states none;
             None keeps that of the simulator.
+        stated: values of the uncertain parameters as they are stated.
+        sensed_at: values of parameters that sensors depend on, where these are not those of the
+            system.
     """
 
     config: Config
@@ -91,6 +99,8 @@ class Problem:
     snapshots: Snapshots | None = None
     budget: Budget = field(default_factory=Budget)
     longer_dt: float | None = None
+    stated: Mapping[str, float] = field(default_factory=dict)
+    sensed_at: Mapping[str, float] = field(default_factory=dict)
 
     def deadline(self, stage: str) -> Deadline:
         """Return the time at which a stage ends (:data:`.time_shares.ENDS`).
@@ -140,24 +150,50 @@ class Problem:
     @property
     def parameter_priors(self) -> dict[str, ChangePrior]:
         """Priors of the changes of the uncertain parameters, by name."""
-        stated, known = self.config.system, self.system.config.parameters
+        known = self.system.config
         return {
-            name: ChangePrior(stated.parameters[name] - known[name], spread)
-            for name, spread in stated.parameter_spread.items()
+            name: ChangePrior(self.stated[name] - known.parameters[name], spread)
+            for name, spread in known.parameter_spread.items()
         }
 
     @property
     def stated_system(self) -> System:
         """The simulator with the stated values of the uncertain parameters."""
-        stated = self.config.system
-        values = {name: stated.parameters[name] for name in stated.parameter_spread}
-        return with_parameters(self.system, values) if values else self.system
+        return with_parameters(self.system, self.stated) if self.stated else self.system
 
     def with_parameters(self, values: Mapping[str, float]) -> Problem:
         """Return the problem with other values of some parameters, in every episode."""
-        return self._in_every_episode(
+        return self.with_readings_at(values)._in_every_episode(
             lambda episode: replace(episode, system=with_parameters(episode.system, values))
         )
+
+    def with_readings_at(self, values: Mapping[str, float]) -> Problem:
+        """Return the problem with sensors that have other values of some parameters.
+
+        The equations keep theirs. Without a sensor that depends on them, nothing changes.
+        """
+        read = parameters_read(self.system, self.quantities)
+        moved = {name: value for name, value in values.items() if name in read}
+        if not moved:
+            return self
+
+        def changed(episode: Problem) -> Problem:
+            sensed = with_parameters(episode.sensed, moved)
+            split = episode.split.each(lambda part: with_known_at(part, episode.sensed, sensed))
+            return replace(episode, sensed_at={**episode.sensed_at, **moved}, split=split)
+
+        return self._in_every_episode(changed)
+
+    @property
+    def quantities(self) -> list[tuple[str, ...]]:
+        """What the sensors read, see :attr:`Sensor.quantities`, without repetitions."""
+        parts = self.split.fit, self.split.validation, self.split.tested
+        return [*{sensor.quantities: None for part in parts for sensor in part.sensors}]
+
+    @property
+    def sensed(self) -> System:
+        """The system whose state the sensors read."""
+        return with_parameters(self.system, self.sensed_at) if self.sensed_at else self.system
 
     def with_longer_step(self, dt: float) -> Problem:
         """Return the problem with another time step of the ensemble, in every episode."""
@@ -173,7 +209,7 @@ class Problem:
 
     def operator(self, recording: Recording) -> ObservationOperator:
         """Return the observation operator H of the sensors of a part of the recording."""
-        return ObservationOperator(recording.sensors, self.system)
+        return ObservationOperator(recording.sensors, self.sensed)
 
     def noise_of(self, names: tuple[str, ...]) -> Tensor:
         """Return the noise σ of the named sensors, ``(sensor,)``."""
@@ -261,6 +297,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
         limit, end = config.resolution_limit, budget.deadline(ENDS["simulate"])
         chosen, why = with_time_step(driven, longest_fit, std, limit, end)
         system, clock = system.with_step(chosen.dt), _with_clause(clock, why)
+    stated = {name: system.config.parameters[name] for name in system.config.parameter_spread}
     problems = [
         Problem(
             config=config,
@@ -274,6 +311,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
             name=episode.name,
             snapshots=snapshots,
             budget=budget,
+            stated=stated,
         )
         for episode, split in zip(sampled.episodes, splits, strict=True)
     ]
@@ -301,10 +339,10 @@ def with_readings_of_state(
         The system, the recording, and clauses as of :func:`subtract_known_readings`.
 
     Raises:
-        InputError: the noise is invalid, an angle turns too fast, or a sensor reads a function of
-            an uncertain parameter, or more than can be subtracted.
+        InputError: the noise is invalid, an angle turns too fast, a sensor reads a function of
+            more than can be subtracted, or nothing depends on an uncertain parameter.
     """
-    check_reads_no_uncertain(system, read.sensors)
+    check_uncertain_have_effect(system, read.sensors)
     read = continue_angles(system, read, config.recording.angles, config.where("recording.angles"))
     stated = with_noise_of_sensors(read, config.recording.std, config.where("recording.std"))
     stated = resolve_shares(stated, _fitted_count(read), config.splits.time.test)

@@ -60,7 +60,10 @@ class BlockNormal:
             corner = self.corner + damping * np.diag(self.corner.diagonal())
             corner = corner - self._flat_border.T @ solved[:, :-1]
             rest = self.shared_gradient - self._flat_border.T @ solved[:, -1]
-            shared = solve(corner, rest, assume_a="pos") if len(rest) else rest
+            # Coefficients of very different scales. Powers of two change no digit.
+            size = np.exp2(np.round(np.log2(np.maximum(corner.diagonal(), 1e-300)) / 2))
+            scaled = corner / size[:, None] / size
+            shared = solve(scaled, rest / size, assume_a="pos") / size if len(rest) else rest
         except (LinAlgError, ValueError):
             return None
         return (solved[:, -1] - solved[:, :-1] @ shared).reshape(nodes, fields), shared

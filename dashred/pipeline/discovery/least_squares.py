@@ -16,6 +16,7 @@ from dashred.inference.forward.episodes import stack_readings, stack_times
 from dashred.inference.forward.forward_model import ForwardModel
 from dashred.inference.forward.law_block import LawBlock
 from dashred.inference.forward.parameter_block import NO_PARAMETERS, ParameterBlock
+from dashred.inference.forward.read_parameters import read_parameters
 from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.initial_state.start_models import StartModel
@@ -115,7 +116,9 @@ def build_least_squares(
             (docs/method.md#scales-and-priors).
     """
     episodes = problem.episodes
-    sensors = SensorBlock(problem.operator(problem.split.fit), len(episodes))
+    fit, systems = problem.split.fit, [episode.system for episode in episodes]
+    read = read_parameters(fit.sensors, systems)
+    sensors = SensorBlock(problem.operator(fit), len(episodes), parameters=read)
     times = stack_times([e.times[: len(e.split.fit.times)] for e in episodes])
     law = LawBlock(candidates)
     forward_model = ForwardModel(simulator, start, law, sensors, times)

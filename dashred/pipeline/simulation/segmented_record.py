@@ -144,8 +144,7 @@ def restarted_where_lost(problem: Problem, start: Tensor, path: Tensor) -> tuple
     """
     segments, sensors = _cut(problem), _state_sensors(problem)
     scale = torch.from_numpy(_sizes(segments, sensors, start.numpy(), None))
-    reads = {sensor.reads for sensor in problem.split.fit.sensors}
-    known = torch.tensor([field in reads for field in problem.system.fields])
+    known = torch.tensor([j in sensors.fields for j in range(len(problem.system.fields))])
     away = (path - start).abs() / scale
     # NaN is not below the limit.
     inside = bool((away < torch.where(known, LOST, UNBOUNDED)).all())

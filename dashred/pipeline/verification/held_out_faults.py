@@ -119,7 +119,7 @@ def _problem_of_all_sensors(
     start = analysis.nominal.start
     if law.start_prior_factor > 1:
         start = ScaledStart(start, law.start_prior_factor)
-    operator = ObservationOperator(_all_sensors(problem), problem.system)
+    operator = ObservationOperator(_all_sensors(problem), problem.sensed)
     times = stack_times([e.times[: len(e.split.fit.times)] for e in episodes])
     forward_model = ForwardModel(
         Simulator(parts_of_simulator),

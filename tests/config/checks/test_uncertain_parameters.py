@@ -41,9 +41,9 @@ def test_an_effect_may_come_through_lets(tmp_path: Path, old: str, new: str) -> 
 @pytest.mark.parametrize(
     ("old", "new", "what"),
     [
-        ("h: 1}", "h: limit}", "limit has a spread, but no equation depends on it"),
-        ("outflow: k*h", "outflow: k*h, head: h - limit", "but no equation depends on it"),
-        ("1 - outflow", "limit - outflow - limit", "but no equation depends on it"),
+        ("h: 1}", "h: limit}", "limit has a spread, but no equation or let depends on it"),
+        ("outflow: k*h", "outflow: k*h, head: h - limit", "but no equation or let depends on it"),
+        ("1 - outflow", "limit - outflow - limit", "but no equation or let depends on it"),
         ("k*h", "k*h*step(h - limit)", "limit has a spread, but it only moves a jump"),
     ],
 )

@@ -39,7 +39,7 @@ def law_from_segments(search: SegmentSearch, found: SegmentLaw) -> Law:
     """
     problem, nodes, members = search.problem, found.fit.point.nodes, found.members
     segments, (candidates, xi) = problem.segments, search.terms(found)
-    readings = problem.read(search.states(found), found.fit.point)
+    readings = problem.read(search.states(found), found.fit.point, members)
     residuals = readings - segments.readings
     normal = problem.linearise(found.fit.point, members)
     profiled = None if normal is None else normal.profiled()
