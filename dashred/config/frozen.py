@@ -19,6 +19,7 @@ LATER_KEYS = (
     ("system", "parameter_spread"),
     ("system", "tables"),
     ("recording", "angles"),
+    ("recording", "calibration"),
 )
 
 

@@ -73,6 +73,22 @@ class Episodes:
         return self.episodes[0].recording
 
 
+def fitted_parts(episodes: Episodes, fitted: int, held_out: float) -> list[Recording]:
+    """Return the part of every fitted episode without its held-out end.
+
+    Args:
+        episodes: the recording.
+        fitted: number of episodes, from the first, that are not held out as a whole.
+        held_out: share of each episode, at its end, that is held out.
+    """
+    found = []
+    for part in episodes.episodes[:fitted]:
+        times = part.recording.times
+        end = float(times[0] + (1 - held_out) * (times[-1] - times[0]))
+        found.append(part.recording.between(float(times[0]), end))
+    return found
+
+
 @contextmanager
 def name_episode_in_errors(name: str) -> Iterator[None]:
     """Prefix the message of any InputError with the name of the episode, if it has one."""

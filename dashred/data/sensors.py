@@ -83,6 +83,7 @@ class Sensor:
         std_share: noise std as a share of the std of its readings; None if it is not stated so.
         known: let with the part of its readings that inputs and time determine, and that has been
             subtracted from them; empty without one.
+        is_calibrated: whether its gain or offset is fitted. Such a sensor is not held out.
     """
 
     name: str
@@ -91,6 +92,7 @@ class Sensor:
     std: float | None = None
     std_share: float | None = None
     known: str = ""
+    is_calibrated: bool = False
 
     @property
     def quantities(self) -> tuple[str, ...]:

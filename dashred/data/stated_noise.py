@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dashred.core.stated_noise import parse_noise
-from dashred.data.episodes import Episode, Episodes
+from dashred.data.episodes import Episode, Episodes, fitted_parts
 from dashred.data.sensors import Sensor, check_named_sensors
 
 
@@ -46,11 +46,7 @@ def resolve_shares(episodes: Episodes, fitted: int, held_out: float) -> Episodes
     """
     if all(sensor.std_share is None for sensor in episodes.sensors):
         return episodes
-    stds = []
-    for part in episodes.episodes[:fitted]:
-        times = part.recording.times
-        end = float(times[0] + (1 - held_out) * (times[-1] - times[0]))
-        stds.append(part.recording.between(float(times[0]), end).trace_std())
+    stds = [part.trace_std() for part in fitted_parts(episodes, fitted, held_out)]
     changing = np.maximum((np.array(stds) > 0).sum(axis=0), 1)
     size = np.sqrt(np.square(stds).sum(axis=0) / changing)
     sensors = []

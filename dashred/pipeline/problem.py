@@ -14,22 +14,16 @@ from dashred.config.checks.checks import MAX_STEPS
 from dashred.core.budget import Budget, Deadline
 from dashred.core.errors import InputError
 from dashred.core.findings.cause_schema import FaultySensor
-from dashred.data.angles import continue_angles
 from dashred.data.episodes import Episodes, name_episode_in_errors
 from dashred.data.inputs import with_inputs
 from dashred.data.io.reader import read_episodes
-from dashred.data.known_readings import (
-    check_uncertain_have_effect,
-    subtract_known_readings,
-    with_known_at,
-)
+from dashred.data.known_readings import with_known_at
 from dashred.data.noise_level import noise_std
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.own_times import describe_times, has_uneven_times
 from dashred.data.recording import Recording
 from dashred.data.resampling import native_step, resample_all
 from dashred.data.splits import Split, hold_out_episode, split_recording
-from dashred.data.stated_noise import resolve_shares, with_noise_of_sensors
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.forward.candidates import ChangePrior
 from dashred.inference.results.corrected_system import with_parameters
@@ -40,12 +34,9 @@ from dashred.physics.let_terms import build_let_terms
 from dashred.physics.library import build_library
 from dashred.physics.parameter_sensitivity import parameters_read
 from dashred.physics.system import System, Term
+from dashred.pipeline.readings_of_state import fitted_count, readings_of_state
 from dashred.pipeline.time_shares import ENDS, begin_budget
 from dashred.pipeline.time_step import states_time_step, with_time_step
-
-# With at least this many episodes, the last one is held out as a whole.
-FEWEST_TO_HOLD_OUT = 3
-
 
 # Lower bound of the noise σ, as a share of the std of a trace, before the residuals give an
 # estimate. With less noise than this the search would stop at laws that fit the recording only
@@ -81,6 +72,7 @@ class Problem:
         stated: values of the uncertain parameters as they are stated.
         sensed_at: values of parameters that sensors depend on, where these are not those of the
             system.
+        calibrated: name of the sensor of every fitted gain and offset, by parameter.
     """
 
     config: Config
@@ -101,6 +93,7 @@ class Problem:
     longer_dt: float | None = None
     stated: Mapping[str, float] = field(default_factory=dict)
     sensed_at: Mapping[str, float] = field(default_factory=dict)
+    calibrated: Mapping[str, str] = field(default_factory=dict)
 
     def deadline(self, stage: str) -> Deadline:
         """Return the time at which a stage ends (:data:`.time_shares.ENDS`).
@@ -263,7 +256,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     library = build_library(system, config.library)
     read = read_recorded(config, system) if recorded is None else recorded
     sha256 = read.sha256()
-    system, read, subtracted = with_readings_of_state(config, system, read)
+    system, read, subtracted, calibrated = readings_of_state(config, system, read)
     # The system and the recording may each state units. The reader has converted the values.
     units = {**read.episodes[0].recording.units, **system.units}
     system = system.with_config(replace(system.config, units=units))
@@ -286,7 +279,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
             _check_steps(config, float(times[-1] - times[0]), system.dt)
             splits.append(split_recording(part.recording, config.splits, config.seed))
     raw = [episode.recording for episode in read.episodes]
-    fitted = _fitted_count(read)
+    fitted = fitted_count(read)
     if fitted < len(splits):
         splits[-1] = hold_out_episode(sampled.episodes[-1].recording, splits[-1])
     noise = _noise(raw[:fitted], splits[:fitted])
@@ -312,6 +305,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
             snapshots=snapshots,
             budget=budget,
             stated=stated,
+            calibrated=calibrated,
         )
         for episode, split in zip(sampled.episodes, splits, strict=True)
     ]
@@ -323,36 +317,6 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
 def _with_clause(sentence: str, clause: str) -> str:
     """Return a sentence with one clause more."""
     return f"{sentence.rstrip('.')}; {clause}."
-
-
-def with_readings_of_state(
-    config: Config, system: System, read: Episodes
-) -> tuple[System, Episodes, list[str]]:
-    """Return a recording with its stated noise, of continued angles and the state alone.
-
-    Args:
-        config: may state the noise.
-        system: the simulator.
-        read: the recording as it was read.
-
-    Returns:
-        The system, the recording, and clauses as of :func:`subtract_known_readings`.
-
-    Raises:
-        InputError: the noise is invalid, an angle turns too fast, a sensor reads a function of
-            more than can be subtracted, or nothing depends on an uncertain parameter.
-    """
-    check_uncertain_have_effect(system, read.sensors)
-    read = continue_angles(system, read, config.recording.angles, config.where("recording.angles"))
-    stated = with_noise_of_sensors(read, config.recording.std, config.where("recording.std"))
-    stated = resolve_shares(stated, _fitted_count(read), config.splits.time.test)
-    return subtract_known_readings(system, stated)
-
-
-def _fitted_count(read: Episodes) -> int:
-    """Return the number of episodes that are not held out as a whole."""
-    count = len(read.episodes)
-    return count - (count >= FEWEST_TO_HOLD_OUT)
 
 
 def read_recorded(config: Config, system: System) -> Episodes:

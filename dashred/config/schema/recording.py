@@ -33,6 +33,13 @@ class Recording:
     for all sensors, or by name of a sensor or of what it reads. It overrides the table of sensors;
     what neither states is estimated from the readings."""
 
+    calibration: Any
+    """Sensors of the user's own recording that are not calibrated: they read ``gain*y + offset`` of
+    the quantity y. By name of a sensor or of what it reads, such as
+    ``S1: {gain: 0.1, offset: fitted}``. A number is the spread of the gain about 1, or of the
+    offset about 0; ``fitted`` means that nothing is known; ``{value: 12, spread: 2}`` gives another
+    value. They are fitted together with the state, and such a sensor is not held out."""
+
     every: Time | None
     """Step between samples. Twins are sampled at this step; finer recordings are resampled to it.
     Null keeps the recording's own step, and the times of an ODE recording as they are."""

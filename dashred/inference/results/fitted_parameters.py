@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from dashred.core.findings.law_schema import FittedParameter
 from dashred.inference.fit import law as fit
 from dashred.inference.fit.law import Z95, Law
@@ -13,15 +15,22 @@ from dashred.physics.system import System
 SETTLED = 0.5
 
 
-def fitted_parameters(system: System, law: Law) -> list[FittedParameter]:
+def fitted_parameters(
+    system: System, law: Law, calibrated: Mapping[str, str] | None = None
+) -> list[FittedParameter]:
     """Return ``findings["fitted_parameters"]``: one entry for each uncertain parameter.
 
     Args:
         system: the simulator, about whose parameters the law is linearised.
         law: with the fitted parameters.
+        calibrated: name of the sensor by parameter that is its gain or offset.
     """
-    changes = exact_changes(system, law)
-    return [_entry(system, each, changes) for each in law.parameters]
+    changes, sensors = exact_changes(system, law), calibrated or {}
+    found = [_entry(system, each, changes) for each in law.parameters]
+    for each in found:
+        if each["parameter"] in sensors:
+            each["sensor"] = sensors[each["parameter"]]
+    return found
 
 
 def exact_changes(system: System, law: Law) -> dict[str, float]:

@@ -24,7 +24,17 @@ from dashred.reporting.wording.findings_text import law_text
 NAME = "corrected.yaml"
 # Keys that belong to one run or to one recording. The corrected system does not depend on them.
 RUN_KEYS = ("output", "tracking")
-RECORDING_KEYS = ("twin", "path", "sensors", "noise", "std", "duration", "ignore", "reads")
+RECORDING_KEYS = (
+    "twin",
+    "path",
+    "sensors",
+    "noise",
+    "std",
+    "duration",
+    "ignore",
+    "reads",
+    "calibration",
+)
 WIDTH = 96
 NO_TERM = "With the fitted parameters, the recording shows no missing term."
 
@@ -48,8 +58,10 @@ def write_corrected(
     values = _user_values(config)
     corrected = build_corrected_system(system, law)
     values["system"]["equations"] = _Block(corrected.config.equations)
-    if corrected.config.let:
-        values["system"]["let"] = _Block(corrected.config.let)
+    # Lets and parameters that were added for the sensors belong to the recording.
+    stated = config.system
+    if lets := {n: text for n, text in corrected.config.let.items() if n in stated.let}:
+        values["system"]["let"] = _Block(lets)
     if config.system.integrator.dt is None:
         # The step was chosen from the recording, which this file does not name.
         _put(values, ["system", "integrator", "dt"], system.dt)
@@ -60,10 +72,12 @@ def write_corrected(
     # The structure was declared for the uncorrected equations and would be refused with others.
     if _loses_structure(config, corrected):
         values["system"].pop("structure", None)
-    if corrected.config.parameters:
+    if stated.parameters:
         # This writes 0.035 + 0.01 as 0.045 and not as 0.045000000000000005.
         rounded = {
-            name: float(f"{value:.12g}") for name, value in corrected.config.parameters.items()
+            name: float(f"{value:.12g}")
+            for name, value in corrected.config.parameters.items()
+            if name in stated.parameters
         }
         values["system"]["parameters"] = _Block(rounded)
     body = yaml.dump(values, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=WIDTH)
@@ -74,7 +88,8 @@ def write_corrected(
 def _loses_structure(config: Config, corrected: System) -> bool:
     """Return whether the law invalidates the declared structure."""
     old, new = config.system, corrected.config
-    is_changed = dict(new.equations) != dict(old.equations) or dict(new.let) != dict(old.let)
+    lets = {name: text for name, text in new.let.items() if name in old.let}
+    is_changed = dict(new.equations) != dict(old.equations) or lets != dict(old.let)
     return old.structure is not None and is_changed
 
 

@@ -1,0 +1,62 @@
+"""The recording as readings of the state, with what the configuration states of its sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from dashred.config import Config
+from dashred.data.angles import continue_angles
+from dashred.data.calibration import with_calibration
+from dashred.data.episodes import Episodes, fitted_parts
+from dashred.data.known_readings import check_uncertain_have_effect, subtract_known_readings
+from dashred.data.stated_noise import resolve_shares, with_noise_of_sensors
+from dashred.physics.system import System
+
+# With at least this many episodes, the last one is held out as a whole.
+FEWEST_TO_HOLD_OUT = 3
+
+
+class ReadingsOfState(NamedTuple):
+    """A recording whose sensors read functions of the state and of uncertain parameters.
+
+    Attributes:
+        system: the simulator, with lets and parameters for what the sensors read.
+        episodes: the recording.
+        clauses: what was subtracted from it, see :func:`subtract_known_readings`.
+        calibrated: name of the sensor of every fitted gain and offset, by parameter.
+    """
+
+    system: System
+    episodes: Episodes
+    clauses: list[str]
+    calibrated: Mapping[str, str]
+
+
+def readings_of_state(config: Config, system: System, read: Episodes) -> ReadingsOfState:
+    """Return a recording with its stated noise and calibration, of continued angles.
+
+    Args:
+        config: states noise, angles and calibration.
+        system: the simulator.
+        read: the recording as it was read.
+
+    Raises:
+        InputError: the noise or the calibration is invalid, an angle turns too fast, a sensor reads
+            more than can be subtracted, or nothing depends on an uncertain parameter.
+    """
+    check_uncertain_have_effect(system, read.sensors)
+    stated, where = config.recording, config.where
+    read = continue_angles(system, read, stated.angles, where("recording.angles"))
+    noisy = with_noise_of_sensors(read, stated.std, where("recording.std"))
+    fitted, held_out = fitted_count(read), config.splits.time.test
+    noisy = resolve_shares(noisy, fitted, held_out)
+    parts = fitted_parts(noisy, fitted, held_out)
+    found = with_calibration(system, noisy, parts, stated.calibration, where)
+    return ReadingsOfState(*subtract_known_readings(found.system, found.episodes), found.parameters)
+
+
+def fitted_count(read: Episodes) -> int:
+    """Return the number of episodes that are not held out as a whole."""
+    count = len(read.episodes)
+    return count - (count >= FEWEST_TO_HOLD_OUT)
