@@ -61,7 +61,7 @@ def with_calibration(
     """
     by_name = parse_calibration(stated, where)
     check_named_sensors(episodes.sensors, by_name, KEY, where(KEY))
-    sensors, parameters = list(episodes.sensors), {}
+    sensors, parameters = list(episodes.sensors), dict[str, str]()
     for column, sensor in enumerate(sensors):
         parts = by_name.get(sensor.name, by_name.get(sensor.reads))
         if parts is None:

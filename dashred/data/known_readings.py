@@ -31,8 +31,8 @@ def subtract_known_readings(
         system: the simulator.
         episodes: the recording.
 
-    If g depends on an uncertain parameter, it is subtracted at its stated value and added to the
-    system as a let, too: ``known`` of the sensor (:func:`with_known_at`).
+    If g depends on an uncertain parameter, it is subtracted at its stated value. Then, and if the
+    noise depends on the reading, g is added to the system as a let: ``known`` of the sensor.
 
     Returns:
         The system and the recording of sensors that read functions of the state, and for each
@@ -49,7 +49,7 @@ def subtract_known_readings(
         of_state, known = _split(system, sensor)
         name = _free_name(system, sensor.reads, "of_state")
         let, label = {**system.config.let, name: to_text(of_state)}, ""
-        if names(known) & system.config.parameter_spread.keys():
+        if names(known) & system.config.parameter_spread.keys() or sensor.noise_law:
             label = _free_name(system, sensor.reads, "known")
             let[label] = to_text(known)
         units = dict(system.units)
@@ -82,12 +82,22 @@ def with_known_at(recording: Recording, before: System, after: System) -> Record
         before: the system with the values at which they were subtracted, driven by its inputs.
         after: the system with the other values.
     """
-    values = recording.values.copy()
+    old, new = known_readings(recording, before), known_readings(recording, after)
+    return replace(recording, values=recording.values + (old - new))
+
+
+def known_readings(recording: Recording, system: System) -> NDArray[np.float64]:
+    """Return the known parts that are lets, ``(time, sensor)``; 0 for other sensors.
+
+    Args:
+        recording: without these parts.
+        system: with these lets, driven by its inputs.
+    """
+    found = np.zeros_like(recording.values)
     for column, sensor in enumerate(recording.sensors):
         if sensor.known:
-            old, new = (_at_samples(each, sensor.known, recording) for each in (before, after))
-            values[:, column] += old - new
-    return replace(recording, values=values)
+            found[:, column] = _at_samples(system, sensor.known, recording)
+    return found
 
 
 def check_uncertain_have_effect(system: System, sensors: Sequence[Sensor]) -> None:

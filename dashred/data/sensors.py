@@ -9,6 +9,7 @@ from typing import Protocol, runtime_checkable
 
 from dashred.core.errors import InputError, nearest
 from dashred.core.files.plain_text import first_unprintable
+from dashred.core.stated_noise import NoiseLaw
 
 # Columns of a recording that are not sensors.
 RESERVED = ("time", "episode")
@@ -81,6 +82,8 @@ class Sensor:
         position: one coordinate per axis, in the axis' unit; empty for an ODE system.
         std: noise std, in the unit of the measured quantity; None if unknown.
         std_share: noise std as a share of the std of its readings; None if it is not stated so.
+        noise_law: noise std as a function of the reading; None if it is constant. ``std`` is its
+            rms over the readings, once they are known.
         known: let with the part of its readings that inputs and time determine, and that has been
             subtracted from them; empty without one.
         is_calibrated: whether its gain or offset is fitted. Such a sensor is not held out.
@@ -91,6 +94,7 @@ class Sensor:
     position: tuple[float, ...] = ()
     std: float | None = None
     std_share: float | None = None
+    noise_law: NoiseLaw | None = None
     known: str = ""
     is_calibrated: bool = False
 

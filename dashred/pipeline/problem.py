@@ -17,11 +17,12 @@ from dashred.core.findings.cause_schema import FaultySensor
 from dashred.data.episodes import Episodes, name_episode_in_errors
 from dashred.data.inputs import with_inputs
 from dashred.data.io.reader import read_episodes
-from dashred.data.known_readings import with_known_at
+from dashred.data.known_readings import known_readings, with_known_at
 from dashred.data.noise_level import noise_std
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.own_times import describe_times, has_uneven_times
 from dashred.data.recording import Recording
+from dashred.data.relative_noise import Array, relative_noise
 from dashred.data.resampling import native_step, resample_all
 from dashred.data.splits import Split, hold_out_episode, split_recording
 from dashred.inference.fit.law import SensorFault
@@ -207,6 +208,14 @@ class Problem:
     def noise_of(self, names: tuple[str, ...]) -> Tensor:
         """Return the noise σ of the named sensors, ``(sensor,)``."""
         return torch.tensor([self.noise[name] for name in names], dtype=torch.float64)
+
+    def relative_noise(self, recording: Recording) -> Array | None:
+        """Return σ of every reading as a factor of its sensor's; see :func:`relative_noise`.
+
+        Args:
+            recording: a part of the recording of this episode.
+        """
+        return relative_noise(recording, known_readings(recording, self.sensed))
 
     def fit_noise_std(self) -> Tensor:
         """Return the noise σ of the fit sensors before any fit, ``(sensor,)``.

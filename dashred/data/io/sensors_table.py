@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dashred.core.errors import InputError, nearest
-from dashred.core.stated_noise import parse_noise
+from dashred.core.stated_noise import StatedNoise, parse_noise
 from dashred.data.io.columns import Columns
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.sensors import Sensor, SystemDescription, check_names, check_sensor
@@ -19,8 +19,8 @@ def read_sensors(
     """Read the sensors of a system, in the order of the table.
 
     Columns: ``name``; ``field``, a field or derived quantity of the system; one coordinate per
-    axis, under the name of the axis; optionally ``std``, a number or a share such as 5% of the std
-    of the readings, empty where the noise is unknown, and ``unit`` of the measured quantity.
+    axis, under the name of the axis; optionally ``std`` (:func:`.parse_noise`), empty where the
+    noise is unknown, and ``unit`` of the measured quantity.
 
     Args:
         table: with these columns.
@@ -45,11 +45,11 @@ def read_sensors(
     sensors = []
     for row, (name, reads) in enumerate(zip(names, table.texts("field"), strict=True)):
         position = tuple(float(column[row]) for column in positions)
-        std = share = None
+        noise = StatedNoise()
         if stds[row].strip().lower() not in UNKNOWN:
             where = table.location(row, "std")
-            std, share = parse_noise(stds[row], f"the std of sensor {name!r}", where)
-        sensors.append(Sensor(name, reads, position, std, share))
+            noise = parse_noise(stds[row], f"the std of sensor {name!r}", where)
+        sensors.append(Sensor(name, reads, position, *noise))
         check_sensor(sensors[-1], system, table.location(row))
     return tuple(sensors)
 

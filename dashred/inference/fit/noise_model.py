@@ -23,11 +23,13 @@ class NoiseModel:
         correlation: ρ of each sensor between neighbouring samples, ``(sensor,)``.
         available: whether a sample is available, ``(time, sensor)``; the sequence restarts after
             a gap.
+        relative: σ of every sample as a factor of its sensor's σ, ``(time, sensor)``; None for 1.
     """
 
     std: Tensor
     correlation: Tensor
     available: Tensor
+    relative: Tensor | None = None
 
     @property
     def count(self) -> int:
@@ -42,11 +44,16 @@ class NoiseModel:
 
     def truncate(self, samples: int) -> NoiseModel:
         """Return the model of the first samples."""
-        return replace(self, available=self.available[:samples])
+        return self.part(slice(samples))
+
+    def part(self, samples: slice) -> NoiseModel:
+        """Return the model of some samples."""
+        relative = None if self.relative is None else self.relative[samples]
+        return replace(self, available=self.available[samples], relative=relative)
 
     def whiten(self, values: Float[Tensor, "*batch time sensor"]) -> Tensor:
         """Return values whitened to independent noise of variance 1; missing ones are zero."""
-        scaled = torch.where(self.available, values, 0.0) / self.std
+        scaled = torch.where(self.available, values, 0.0) / self.stds
         rho = self.correlation
         if not rho.any():
             return scaled
@@ -76,7 +83,8 @@ class NoiseModel:
         """
         std, correlation = self.std.clone(), torch.zeros_like(self.std)
         left = max(1.0 - parameters / max(1, self.count), 0.1)
-        squares = torch.where(self.available, residuals / self.std, 0.0).square()
+        squares = torch.where(self.available, residuals / self.stds, 0.0).square()
+        resized = residuals if self.relative is None else residuals / self.relative
         for group in dict.fromkeys(groups):
             in_group = torch.tensor([g == group for g in groups])
             if not self.available[:, in_group].any():
@@ -85,9 +93,14 @@ class NoiseModel:
             if not math.isfinite(mean):
                 continue
             std[in_group] *= max(math.sqrt(mean / left), 1e-12)
-            scaled = residuals[:, in_group] / std[in_group]
+            scaled = resized[:, in_group] / std[in_group]
             correlation[in_group] = _lag_one(scaled, self.available[:, in_group])
-        return NoiseModel(std, correlation, self.available)
+        return replace(self, std=std, correlation=correlation)
+
+    @property
+    def stds(self) -> Tensor:
+        """σ of every sample, ``(time, sensor)`` or ``(sensor,)``."""
+        return self.std if self.relative is None else self.std * self.relative
 
 
 def _lag_one(scaled: Float[Tensor, "time sensor"], available: Tensor) -> float:

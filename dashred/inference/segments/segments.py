@@ -28,11 +28,13 @@ class Segments:
         readings: ``(segment, 1 + interval, sensor)``; NaN where missing, and at the last sample,
             which the next segment has, except in the last segment of an episode.
         episode: of each segment, ``(segment,)``.
+        relative: σ of every reading as a factor of its sensor's σ, like the readings; or 1.
     """
 
     times: Array
     readings: Array
     episode: NDArray[np.intp]
+    relative: Array | float = 1.0
 
     @cached_property
     def available(self) -> NDArray[np.bool_]:
@@ -58,7 +60,8 @@ class Segments:
     def only(self, segment: int) -> Segments:
         """Return one segment alone."""
         chosen = slice(segment, segment + 1)
-        return Segments(self.times[chosen], self.readings[chosen], self.episode[chosen])
+        relative = self.relative if isinstance(self.relative, float) else self.relative[chosen]
+        return Segments(self.times[chosen], self.readings[chosen], self.episode[chosen], relative)
 
     def join(self, values: Array, episode: int) -> Array:
         """Return values of one episode's segments one after the other, ``(time, …)``.
@@ -87,13 +90,20 @@ class Segments:
         return float(np.median(self.times[:, -1] - self.times[:, 0]))
 
 
-def cut(times: Sequence[Array], readings: Sequence[Array], samples: int = SAMPLES) -> Segments:
+def cut(
+    times: Sequence[Array],
+    readings: Sequence[Array],
+    samples: int = SAMPLES,
+    relative: Sequence[Array | None] = (),
+) -> Segments:
     """Return the segments of some episodes.
 
     Args:
         times: clock of each episode, ``(time,)``.
         readings: of each, ``(time, sensor)``; NaN where missing.
         samples: from one node to the next; more if there would be too many segments.
+        relative: σ of every reading as a factor of its sensor's σ, ``(time, sensor)`` by episode;
+            None for 1.
     """
     total = sum(map(len, times))
     intervals = max(samples, -(-total // LARGEST_COUNT))
@@ -102,7 +112,18 @@ def cut(times: Sequence[Array], readings: Sequence[Array], samples: int = SAMPLE
         for episode, (clock, values) in enumerate(zip(times, readings, strict=True))
     ]
     clocks, found, owners = zip(*parts, strict=True)
-    return Segments(np.concatenate(clocks), np.concatenate(found), np.concatenate(owners))
+    sizes: Array | float = 1.0
+    if any(each is not None for each in relative):
+        given = [
+            np.ones_like(values) if own is None else own
+            for own, values in zip(relative, readings, strict=True)
+        ]
+        rows = [
+            _cut_episode(clock, own, intervals, 0)[1]
+            for clock, own in zip(times, given, strict=True)
+        ]
+        sizes = np.nan_to_num(np.concatenate(rows), nan=1.0)
+    return Segments(np.concatenate(clocks), np.concatenate(found), np.concatenate(owners), sizes)
 
 
 def _cut_episode(

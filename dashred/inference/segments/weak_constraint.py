@@ -73,6 +73,11 @@ class WeakConstraintProblem:
         """Number of candidates."""
         return len(self.candidates)
 
+    @property
+    def noise_stds(self) -> Array:
+        """σ of every reading, ``(segment, sample, sensor)`` or ``(sensor,)``."""
+        return self.noise_std * self.segments.relative
+
     def with_weights(self, model_error: Array, prior_std: Array) -> WeakConstraintProblem:
         """Return F with other q and d."""
         return replace(self, model_error=model_error, prior_std=prior_std)
@@ -157,7 +162,9 @@ class WeakConstraintProblem:
         segments, chosen = self.segments, list(members)
         fields, inner = self.simulator.fields, found.ahead.shape[1]
         residuals = self._residuals(found.states, point, chosen)
-        own = np.where(segments.available[..., None], found.readings / self.noise_std[:, None], 0.0)
+        own = np.where(
+            segments.available[..., None], found.readings / self.noise_stds[..., None], 0.0
+        )
         jacobian = own.reshape(segments.count, -1, own.shape[-1])
         flat = residuals.reshape(segments.count, -1, 1)
         hessian = jacobian.swapaxes(1, 2) @ jacobian
@@ -203,7 +210,7 @@ class WeakConstraintProblem:
 
     def _residuals(self, states: Array, point: Point, members: Sequence[int]) -> Array:
         """Return ``(H Φ + b - y)/σ``, ``(segment, sample, sensor)``; missing ones are zero."""
-        apart = (self.read(states, point, members) - self.segments.readings) / self.noise_std
+        apart = (self.read(states, point, members) - self.segments.readings) / self.noise_stds
         return np.where(self.segments.available, apart, 0.0)
 
     def _defects(self, states: Array, point: Point) -> Array:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
+from dashred.data.relative_noise import Array
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.noise_model import NoiseModel
@@ -74,7 +75,28 @@ def noise_share(problem: Problem) -> Tensor:
 def fit_noise(problem: Problem) -> NoiseModel:
     """Return the noise of the fit sensors before any fit."""
     std = for_each_episode(problem, problem.fit_noise_std())
-    return NoiseModel(std, torch.zeros_like(std), ~torch.isnan(_recorded(problem)))
+    recorded = _recorded(problem)
+    sizes = [e.relative_noise(e.split.fit) for e in problem.episodes]
+    return NoiseModel(
+        std, torch.zeros_like(std), ~torch.isnan(recorded), stack_relative(sizes, recorded)
+    )
+
+
+def stack_relative(sizes: Sequence[Array | None], recorded: Tensor) -> Tensor | None:
+    """Return relative sizes of noise ``(time, sensor)`` by episode as those of all readings.
+
+    Args:
+        sizes: of every episode; None for 1.
+        recorded: readings, ``(time, episode·sensor)``.
+    """
+    if all(each is None for each in sizes):
+        return None
+    found = torch.ones_like(recorded)
+    count = recorded.shape[1] // len(sizes)
+    for episode, each in enumerate(sizes):
+        if each is not None:
+            found[: len(each), episode * count : (episode + 1) * count] = torch.from_numpy(each)
+    return found
 
 
 def noise_of_sound_sensors(problem: Problem, law: Law) -> NoiseModel:

@@ -102,7 +102,8 @@ def _cut(problem: Problem, samples: int = SAMPLES) -> Segments:
     """Cut the fitted part of every episode."""
     fits = [(episode.times, episode.split.fit) for episode in problem.episodes]
     clocks = [times[: len(fit.times)].numpy() for times, fit in fits]
-    return cut(clocks, [fit.values for _, fit in fits], samples)
+    relative = [episode.relative_noise(episode.split.fit) for episode in problem.episodes]
+    return cut(clocks, [fit.values for _, fit in fits], samples, relative)
 
 
 def _state_sensors(problem: Problem) -> StateSensors:

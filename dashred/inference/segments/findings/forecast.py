@@ -76,7 +76,7 @@ def forecast(search: SegmentSearch, law: SegmentLaw, length: int) -> Forecast:
     # Only forecasts from within the last part count.
     counts = late & (origin >= 0) & late[origin]
     # After a blow-up the forecast is NaN.
-    errors = np.where(np.isfinite(apart), apart / problem.noise_std, np.inf)
+    errors = np.where(np.isfinite(apart), apart / problem.noise_stds, np.inf)
     errors = np.where(np.isfinite(segments.readings), errors, np.nan)
     return forecast_of(torch.from_numpy(errors[counts].reshape(-1, errors.shape[-1])))
 

@@ -57,7 +57,7 @@ def _without_jumps(walking: Walking) -> WeakConstraintProblem:
     segments = problem.segments
     members = walking.members
     apart = problem.read(problem.states(point, members), point, members) - segments.readings
-    jumps = np.abs(apart) > JUMP * problem.noise_std
+    jumps = np.abs(apart) > JUMP * problem.noise_stds
     sound = [s for s in range(jumps.shape[-1]) if s not in problem.walks.erring]
     jumps[:, :, sound] = False
     if jumps.sum() > MOST_JUMPS * segments.available.sum():
