@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from dashred.core.stated_calibration import KEY, StatedPart, parse_calibration
-from dashred.data.episodes import Episode, Episodes
+from dashred.data.episodes import Episodes, with_sensors
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor, check_named_sensors
 from dashred.physics.expressions.algebra import Name, add, multiply, summands, to_text
@@ -70,11 +70,7 @@ def with_calibration(
         rms = float(np.sqrt(np.nanmean(np.square(readings))))
         system, sensors[column], names = _calibrate(system, sensor, parts, rms)
         parameters |= dict.fromkeys(names, sensor.name)
-    changed = tuple(
-        Episode(each.name, replace(each.recording, sensors=tuple(sensors)))
-        for each in episodes.episodes
-    )
-    return Calibrated(system, replace(episodes, episodes=changed), parameters)
+    return Calibrated(system, with_sensors(episodes, tuple(sensors)), parameters)
 
 
 def _calibrate(

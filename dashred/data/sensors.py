@@ -87,6 +87,7 @@ class Sensor:
         known: let with the part of its readings that inputs and time determine, and that has been
             subtracted from them; empty without one.
         is_calibrated: whether its gain or offset is fitted. Such a sensor is not held out.
+        has_stops: whether it saturates (:mod:`dashred.data.saturation`).
     """
 
     name: str
@@ -97,6 +98,7 @@ class Sensor:
     noise_law: NoiseLaw | None = None
     known: str = ""
     is_calibrated: bool = False
+    has_stops: bool = False
 
     @property
     def quantities(self) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dashred.core.stated_noise import Array, NoiseLaw, parse_noise
-from dashred.data.episodes import Episode, Episodes, fitted_parts
+from dashred.data.episodes import Episodes, fitted_parts, with_sensors
 from dashred.data.sensors import Sensor, check_named_sensors
 
 # A noise that is a share of the reading is at least this share of its size at the rms reading.
@@ -33,7 +33,7 @@ def with_noise_of_sensors(episodes: Episodes, stated: Any, where: str) -> Episod
     if isinstance(stated, Mapping):
         check_named_sensors(episodes.sensors, stated, "recording.std", where)
     sensors = tuple(_stated(sensor, stated, where) for sensor in episodes.sensors)
-    return _with_sensors(episodes, sensors)
+    return with_sensors(episodes, sensors)
 
 
 def resolve_shares(episodes: Episodes, fitted: int, held_out: float) -> Episodes:
@@ -62,7 +62,7 @@ def resolve_shares(episodes: Episodes, fitted: int, held_out: float) -> Episodes
         # A sensor that stays constant has no scale: its noise counts as unknown.
         own = sensor.std if sensor.std_share is None else sensor.std_share * std or None
         sensors.append(replace(sensor, std=own, std_share=None))
-    return _with_sensors(episodes, tuple(sensors))
+    return with_sensors(episodes, tuple(sensors))
 
 
 def _with_rms_noise(sensor: Sensor, law: NoiseLaw, readings: Array) -> Sensor:
@@ -83,10 +83,3 @@ def _stated(sensor: Sensor, stated: Any, where: str) -> Sensor:
             return sensor
     std, share, law = parse_noise(given, "recording.std", where)
     return replace(sensor, std=std, std_share=share, noise_law=law)
-
-
-def _with_sensors(episodes: Episodes, sensors: tuple[Sensor, ...]) -> Episodes:
-    parts = [
-        Episode(part.name, replace(part.recording, sensors=sensors)) for part in episodes.episodes
-    ]
-    return replace(episodes, episodes=tuple(parts))

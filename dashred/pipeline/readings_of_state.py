@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 from dashred.config import Config
 from dashred.data.angles import continue_angles
 from dashred.data.calibration import with_calibration
-from dashred.data.episodes import Episodes, fitted_parts
+from dashred.data.episodes import Episodes, fitted_parts, with_sensors
 from dashred.data.known_readings import check_uncertain_have_effect, subtract_known_readings
+from dashred.data.saturation import has_stops
 from dashred.data.stated_noise import resolve_shares, with_noise_of_sensors
 from dashred.physics.system import System
 
@@ -47,6 +49,8 @@ def readings_of_state(config: Config, system: System, read: Episodes) -> Reading
     """
     check_uncertain_have_effect(system, read.sensors)
     stated, where = config.recording, config.where
+    sensors = tuple(replace(s, has_stops=has_stops(system, s.reads)) for s in read.sensors)
+    read = with_sensors(read, sensors)
     read = continue_angles(system, read, stated.angles, where("recording.angles"))
     noisy = with_noise_of_sensors(read, stated.std, where("recording.std"))
     fitted, held_out = fitted_count(read), config.splits.time.test

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from dashred.data.relative_noise import Array
+from dashred.data.saturation import Mask, at_stop
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.noise_model import NoiseModel
@@ -77,26 +78,29 @@ def fit_noise(problem: Problem) -> NoiseModel:
     std = for_each_episode(problem, problem.fit_noise_std())
     recorded = _recorded(problem)
     sizes = [e.relative_noise(e.split.fit) for e in problem.episodes]
+    stops = [at_stop(e.split.fit) for e in problem.episodes]
     return NoiseModel(
-        std, torch.zeros_like(std), ~torch.isnan(recorded), stack_relative(sizes, recorded)
+        std,
+        torch.zeros_like(std),
+        ~torch.isnan(recorded),
+        stack_samples(sizes, torch.ones_like(recorded)),
+        stack_samples(stops, torch.zeros_like(recorded, dtype=torch.bool)),
     )
 
 
-def stack_relative(sizes: Sequence[Array | None], recorded: Tensor) -> Tensor | None:
-    """Return relative sizes of noise ``(time, sensor)`` by episode as those of all readings.
+def stack_samples(episodes: Sequence[Array | Mask | None], default: Tensor) -> Tensor | None:
+    """Return values of samples ``(time, sensor)`` by episode as ``(time, episode·sensor)``.
 
     Args:
-        sizes: of every episode; None for 1.
-        recorded: readings, ``(time, episode·sensor)``.
+        episodes: values of every episode; all or none are None, and then the result is None.
+        default: value after the end of an episode, ``(time, episode·sensor)``.
     """
-    if all(each is None for each in sizes):
-        return None
-    found = torch.ones_like(recorded)
-    count = recorded.shape[1] // len(sizes)
-    for episode, each in enumerate(sizes):
-        if each is not None:
-            found[: len(each), episode * count : (episode + 1) * count] = torch.from_numpy(each)
-    return found
+    count = default.shape[1] // len(episodes)
+    for episode, each in enumerate(episodes):
+        if each is None:
+            return None
+        default[: len(each), episode * count : (episode + 1) * count] = torch.from_numpy(each)
+    return default
 
 
 def noise_of_sound_sensors(problem: Problem, law: Law) -> NoiseModel:

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dashred.data.saturation import at_stop
 from dashred.inference.segments.first_nodes import first_nodes
 from dashred.inference.segments.natural_scales import field_sizes
 from dashred.inference.segments.segment_simulator import SegmentSimulator
@@ -103,7 +104,9 @@ def _cut(problem: Problem, samples: int = SAMPLES) -> Segments:
     fits = [(episode.times, episode.split.fit) for episode in problem.episodes]
     clocks = [times[: len(fit.times)].numpy() for times, fit in fits]
     relative = [episode.relative_noise(episode.split.fit) for episode in problem.episodes]
-    return cut(clocks, [fit.values for _, fit in fits], samples, relative)
+    stops = [at_stop(fit) for _, fit in fits]
+    masks = [None if each is None else each.astype(float) for each in stops]
+    return cut(clocks, [fit.values for _, fit in fits], samples, relative, masks)
 
 
 def _state_sensors(problem: Problem) -> StateSensors:

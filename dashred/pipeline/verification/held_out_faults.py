@@ -36,7 +36,7 @@ from dashred.inference.sensor_faults.fault_table import (
 )
 from dashred.inference.sensor_faults.neighbours import has_neighbours
 from dashred.pipeline.analysis import Analysis
-from dashred.pipeline.discovery.least_squares import stack_relative
+from dashred.pipeline.discovery.least_squares import stack_samples
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.verification.sensor_noise import noise_of_sensors
 
@@ -164,7 +164,7 @@ def _noise(
         std.repeat(episodes),
         correlation.repeat(episodes),
         available,
-        stack_relative(sizes, recorded),
+        stack_samples(sizes, torch.ones_like(recorded)),
     )
 
 
