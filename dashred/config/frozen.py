@@ -17,6 +17,7 @@ TWIN_ONLY = ("noise", "duration", "reads")
 LATER_KEYS = (
     ("system", "units"),
     ("system", "parameter_spread"),
+    ("system", "parameter_per"),
     ("system", "tables"),
     ("recording", "angles"),
     ("recording", "calibration"),

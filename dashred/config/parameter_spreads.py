@@ -15,7 +15,7 @@ from dashred.config.source import Source, section_of
 from dashred.core.errors import InputError, nearest
 
 # The plain section of each key of the short form.
-SECTIONS = {"value": "parameters", "spread": "parameter_spread"}
+SECTIONS = {"value": "parameters", "spread": "parameter_spread", "per": "parameter_per"}
 SHORT_KEY = re.compile(r"system\.parameters\.([^.\[]+)\.([^.\[]*)(.*)")
 EXAMPLE = "for example R: {value: 2.7, spread: 1.0}"
 
@@ -58,17 +58,18 @@ def with_plain_parameters(values: dict[str, Any], where: Where) -> dict[str, Any
     if not short_forms:
         return values
     system = values["system"]
-    found: dict[str, dict[str, Any]] = {"value": {}, "spread": {}}
+    found: dict[str, dict[str, Any]] = {part: {} for part in SECTIONS}
     for name, given in system["parameters"].items():
         for part, value in short_forms.get(name, {"value": given}).items():
             key = f"system.parameters.{name}.{part}"
             _check_part(part, key, where(key))
             found[part][name] = value
-    system = system | {"parameters": found["value"]}
-    stated = system.get("parameter_spread", {})
-    # A value that is not a section is refused later.
-    if found["spread"] and isinstance(stated, dict):
-        system["parameter_spread"] = stated | found["spread"]
+    system = system | {"parameters": found.pop("value")}
+    for part, given in found.items():
+        stated = system.get(SECTIONS[part], {})
+        # A value that is not a section is refused later.
+        if given and isinstance(stated, dict):
+            system[SECTIONS[part]] = stated | given
     return values | {"system": system}
 
 

@@ -116,6 +116,11 @@ class System:
     """Prior standard deviations of parameters that are known only roughly. They are fitted together
     with the initial state. A parameter that is not listed has exactly its value."""
 
+    parameter_per: dict[str, str] = field(default_factory=dict)
+    """Uncertain parameters with a value of their own in every ``episode``, all with the same stated
+    value and spread. ``m: {value: 1, spread: 0.2, per: episode}`` is the short form. No episode is
+    then held out as a whole."""
+
     tables: dict[str, Table] = field(default_factory=dict)
     """Functions given by points, such as a characteristic curve: ``interp(q, OCV)`` is the value of
     the table OCV at q."""

@@ -73,7 +73,7 @@ class Problem:
         stated: values of the uncertain parameters as they are stated.
         sensed_at: values of parameters that sensors depend on, where these are not those of the
             system.
-        calibrated: name of the sensor of every fitted gain and offset, by parameter.
+        described: the sensor or the episode of uncertain parameters that belong to one.
     """
 
     config: Config
@@ -94,7 +94,7 @@ class Problem:
     longer_dt: float | None = None
     stated: Mapping[str, float] = field(default_factory=dict)
     sensed_at: Mapping[str, float] = field(default_factory=dict)
-    calibrated: Mapping[str, str] = field(default_factory=dict)
+    described: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     def deadline(self, stage: str) -> Deadline:
         """Return the time at which a stage ends (:data:`.time_shares.ENDS`).
@@ -265,7 +265,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     library = build_library(system, config.library)
     read = read_recorded(config, system) if recorded is None else recorded
     sha256 = read.sha256()
-    system, read, subtracted, calibrated = readings_of_state(config, system, read)
+    system, read, subtracted, described = readings_of_state(config, system, read)
     # The system and the recording may each state units. The reader has converted the values.
     units = {**read.episodes[0].recording.units, **system.units}
     system = system.with_config(replace(system.config, units=units))
@@ -288,7 +288,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
             _check_steps(config, float(times[-1] - times[0]), system.dt)
             splits.append(split_recording(part.recording, config.splits, config.seed))
     raw = [episode.recording for episode in read.episodes]
-    fitted = fitted_count(read)
+    fitted = fitted_count(config, read)
     if fitted < len(splits):
         splits[-1] = hold_out_episode(sampled.episodes[-1].recording, splits[-1])
     noise = _noise(raw[:fitted], splits[:fitted])
@@ -314,7 +314,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
             snapshots=snapshots,
             budget=budget,
             stated=stated,
-            calibrated=calibrated,
+            described=described,
         )
         for episode, split in zip(sampled.episodes, splits, strict=True)
     ]

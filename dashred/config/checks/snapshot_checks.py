@@ -11,6 +11,7 @@ from dashred.physics.system_schema import System
 EQUATION_KEYS = (
     "equations",
     "parameter_spread",
+    "parameter_per",
     "start",
     "spin_up",
     "spin_up_dt",

@@ -16,20 +16,23 @@ SETTLED = 0.5
 
 
 def fitted_parameters(
-    system: System, law: Law, calibrated: Mapping[str, str] | None = None
+    system: System, law: Law, described: Mapping[str, Mapping[str, str]] | None = None
 ) -> list[FittedParameter]:
     """Return ``findings["fitted_parameters"]``: one entry for each uncertain parameter.
 
     Args:
         system: the simulator, about whose parameters the law is linearised.
         law: with the fitted parameters.
-        calibrated: name of the sensor by parameter that is its gain or offset.
+        described: the ``sensor`` or the ``episode`` of parameters that belong to one.
     """
-    changes, sensors = exact_changes(system, law), calibrated or {}
+    changes, known = exact_changes(system, law), described or {}
     found = [_entry(system, each, changes) for each in law.parameters]
     for each in found:
-        if each["parameter"] in sensors:
-            each["sensor"] = sensors[each["parameter"]]
+        own = known.get(each["parameter"], {})
+        if "sensor" in own:
+            each["sensor"] = own["sensor"]
+        if "episode" in own:
+            each["episode"] = own["episode"]
     return found
 
 

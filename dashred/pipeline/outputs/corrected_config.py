@@ -5,6 +5,7 @@ from __future__ import annotations
 from copy import deepcopy
 from dataclasses import asdict
 from pathlib import Path
+from statistics import fmean
 from textwrap import wrap
 from typing import Any
 
@@ -17,6 +18,7 @@ from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.inference.results.explanation import terms_of_law
 from dashred.inference.results.fitted_parameters import fitted_parameters
+from dashred.physics.expressions.algebra import names
 from dashred.physics.system import System
 from dashred.reporting.text.fitted_parameters import TITLE, fitted_parameter_text
 from dashred.reporting.wording.findings_text import law_text
@@ -69,20 +71,25 @@ def write_corrected(
     values["system"].pop("class", None)
     # Uncertain parameters have their fitted values.
     values["system"].pop("parameter_spread", None)
+    values["system"].pop("parameter_per", None)
     # The structure was declared for the uncorrected equations and would be refused with others.
     if _loses_structure(config, corrected):
         values["system"].pop("structure", None)
     if stated.parameters:
         # This writes 0.035 + 0.01 as 0.045 and not as 0.045000000000000005.
-        rounded = {
-            name: float(f"{value:.12g}")
-            for name, value in corrected.config.parameters.items()
-            if name in stated.parameters
-        }
+        rounded = {name: float(f"{_value(corrected, name):.12g}") for name in stated.parameters}
         values["system"]["parameters"] = _Block(rounded)
     body = yaml.dump(values, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=WIDTH)
     header = _header(config, system, law, recording_sha256, remark)
     write_text_atomic(path, f"{header}\n{body}")
+
+
+def _value(corrected: System, name: str) -> float:
+    """Return the value of a parameter; the mean if it has one value per episode."""
+    known = corrected.config.parameters
+    if name in known:
+        return known[name]
+    return fmean(known[each] for each in names(corrected.lets[name]) & known.keys())
 
 
 def _loses_structure(config: Config, corrected: System) -> bool:

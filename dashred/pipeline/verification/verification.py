@@ -122,7 +122,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
             names,
         ),
         terms=terms_of_discovery(problem.system, discovered),
-        fitted_parameters=fitted_parameters(problem.system, discovered.best, problem.calibrated),
+        fitted_parameters=fitted_parameters(problem.system, discovered.best, problem.described),
         alternatives=alternatives(discovered, problem.system),
         smaller=smaller_laws(discovered, problem.system),
         also_supported=also_supported(discovered, problem.system),

@@ -60,6 +60,8 @@ def _remarks(fitted: FittedParameter) -> list[str]:
     name, spread = fitted["parameter"], fitted["spread"]
     distance = abs(fitted["value"] - fitted["stated"]) / spread
     remarks = []
+    if "episode" in fitted:
+        remarks.append(f"This is the value in episode {fitted['episode']}.")
     if "sensor" in fitted:
         remarks.append(f"This calibrates the sensor {fitted['sensor']}.")
     if distance > FAR:
