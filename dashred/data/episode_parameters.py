@@ -15,6 +15,7 @@ import numpy as np
 from dashred.data.episodes import Episode, Episodes
 from dashred.data.recording import Recording
 from dashred.physics.backends.input_signals import InputSignals
+from dashred.physics.declaration import MARK
 from dashred.physics.expressions.algebra import Number, substitute, to_text
 from dashred.physics.system import System
 from dashred.physics.system_schema import Input
@@ -66,7 +67,7 @@ def with_episode_parameters(system: System, episodes: Episodes) -> ByEpisode:
         parameter_spread=spreads,
         parameter_per={},
         let=lets | dict(config.let),
-        inputs={**config.inputs, **{name: Input() for name in inside}},
+        inputs={**config.inputs, **{name: Input(f"{MARK}{name}") for name in inside}},
         # The start and the energy have the stated values.
         start={
             name: _at_stated(system, text, f"system.start.{name}", fixed)
@@ -90,7 +91,9 @@ def _with_indicators(recording: Recording, names: list[str], index: int) -> Reco
     """Return a recording with an input that is 1, and others that are 0."""
     inputs, times = recording.inputs, recording.times
     clock = inputs.times if inputs.values else times[[0, -1]]
-    added = {name: np.full(len(clock), float(j == index)) for j, name in enumerate(names)}
+    added = {
+        f"{MARK}{name}": np.full(len(clock), float(j == index)) for j, name in enumerate(names)
+    }
     return replace(recording, inputs=InputSignals(clock, {**inputs.values, **added}))
 
 

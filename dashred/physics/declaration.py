@@ -16,6 +16,9 @@ from dashred.physics.expressions.reflection import Reflection
 from dashred.physics.methods import METHODS
 from dashred.physics.runge_kutta import Tableau
 
+# Beginning of the column of an input that is 1 in one episode and 0 in the others.
+MARK = "1 in the episode "
+
 
 class Declaration:
     """The equations ``∂u/∂t = N(u, t)`` of every field, as expressions.
@@ -79,6 +82,11 @@ class Declaration:
     def inputs(self) -> dict[str, str]:
         """Column of each measured input in the recording, by its name in the equations."""
         return {name: given.column or name for name, given in self.config.inputs.items()}
+
+    @property
+    def measured_inputs(self) -> tuple[str, ...]:
+        """Names of the inputs, without those that only mark an episode."""
+        return tuple(n for n, column in self.inputs.items() if not column.startswith(MARK))
 
     @property
     def held_inputs(self) -> frozenset[str]:
