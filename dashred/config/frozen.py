@@ -20,6 +20,7 @@ LATER_KEYS = (
     ("system", "parameter_per"),
     ("system", "tables"),
     ("recording", "angles"),
+    ("recording", "average"),
     ("recording", "calibration"),
 )
 

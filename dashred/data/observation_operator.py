@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from dashred.data.interpolation import linear_weights, trigonometric_weights
-from dashred.data.sensors import Sensor, SystemDescription, check_sensor
+from dashred.data.sensors import ObservedAxis, Sensor, SystemDescription, check_sensor
 from dashred.physics.backends.input_signals import Array
 
 
@@ -30,8 +32,9 @@ class ObservationOperator(nn.Module):
     """``y = H(v)``: evaluate each sensor's quantity on the grid and interpolate it to the sensor.
 
     Interpolation is trigonometric for spectral systems and linear for finite differences; in
-    several dimensions the weights are products of one-dimensional weights. The operator is
-    differentiable and works in the dtype of the state.
+    several dimensions the weights are products of one-dimensional weights. A sensor that averages
+    over a region has the mean of the weights there. The operator is differentiable and works in the
+    dtype of the state.
     """
 
     _weights: Tensor
@@ -87,8 +90,19 @@ def _weights(sensors: Sequence[Sensor], system: ObservedSystem) -> Float[Tensor,
     for index, axis in enumerate(system.axes):
         places = torch.tensor([s.position[index] for s in sensors], dtype=torch.float64)
         along = interpolate(axis, places)
+        for row, sensor in enumerate(sensors):
+            if sensor.widths and sensor.widths[index] > 0:
+                inside, shares = _quadrature(axis, sensor.position[index], sensor.widths[index])
+                along[row] = shares @ interpolate(axis, inside)
         weights = (weights[:, :, None] * along[:, None, :]).flatten(1)
     return weights
+
+
+def _quadrature(axis: ObservedAxis, place: float, width: float) -> tuple[Tensor, Tensor]:
+    """Return points and weights of the mean over an interval (Gauss–Legendre)."""
+    count = 8 + 4 * math.ceil(axis.ring_points * width / axis.period)
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    return torch.from_numpy(place + width / 2 * nodes), torch.from_numpy(weights / 2)
 
 
 def _group_slices(reads: Sequence[str]) -> list[tuple[str, int, int]]:

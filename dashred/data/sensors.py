@@ -74,7 +74,7 @@ class SystemDescription(Protocol):
 
 @dataclass(frozen=True)
 class Sensor:
-    """A point sensor.
+    """A sensor at a point, or one that averages over a region about it.
 
     Attributes:
         name: its column in a recording.
@@ -88,6 +88,7 @@ class Sensor:
             subtracted from them; empty without one.
         is_calibrated: whether its gain or offset is fitted. Such a sensor is not held out.
         has_stops: whether it saturates (:mod:`dashred.data.saturation`).
+        widths: widths of the region along each axis, in the axis' unit; empty for a point.
     """
 
     name: str
@@ -99,6 +100,7 @@ class Sensor:
     known: str = ""
     is_calibrated: bool = False
     has_stops: bool = False
+    widths: tuple[float, ...] = ()
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -177,3 +179,20 @@ def _check_position(sensor: Sensor, system: SystemDescription, where: str) -> No
             problem = f"sensor {sensor.name!r} is at {axis.name} = {coordinate:g}, outside the axis"
             hint = f"{axis.name} goes from 0 to {axis.length:g}"
             raise InputError(problem, where=where, hint=hint)
+    for axis, coordinate, width in zip(system.axes, sensor.position, sensor.widths, strict=False):
+        _check_width(sensor, axis, coordinate, width, where)
+
+
+def _check_width(
+    sensor: Sensor, axis: ObservedAxis, coordinate: float, width: float, where: str
+) -> None:
+    column = f"{axis.name}_width"
+    if not 0 <= width <= axis.length:
+        problem = f"sensor {sensor.name!r}: {column} is {width:g}"
+        hint = f"it must be at least 0 and at most the length of the axis, {axis.length:g}"
+        raise InputError(problem, where=where, hint=hint)
+    is_ring = axis.period == axis.length
+    if not is_ring and not width / 2 <= coordinate <= axis.length - width / 2:
+        problem = f"sensor {sensor.name!r} averages beyond an end of the axis {axis.name}"
+        hint = f"{axis.name} goes from 0 to {axis.length:g}: reduce {column}, or move the sensor"
+        raise InputError(problem, where=where, hint=hint)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from dashred.config import Config
 from dashred.data.angles import continue_angles
+from dashred.data.averages import with_averages
 from dashred.data.calibration import with_calibration
 from dashred.data.episode_parameters import with_episode_parameters
 from dashred.data.episodes import Episodes, fitted_parts, with_sensors
@@ -56,6 +57,7 @@ def readings_of_state(config: Config, system: System, read: Episodes) -> Reading
     read = with_sensors(read, sensors)
     read = continue_angles(system, read, stated.angles, where("recording.angles"))
     noisy = with_noise_of_sensors(read, stated.std, where("recording.std"))
+    system, noisy = with_averages(system, noisy, stated.average, where)
     fitted, held_out = fitted_count(config, read), config.splits.time.test
     noisy = resolve_shares(noisy, fitted, held_out)
     parts = fitted_parts(noisy, fitted, held_out)

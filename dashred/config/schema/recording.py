@@ -40,6 +40,11 @@ class Recording:
     offset about 0; ``fitted`` means that nothing is known; ``{value: 12, spread: 2}`` gives another
     value. They are fitted together with the state, and such a sensor is not held out."""
 
+    average: Any
+    """Time over which sensors of the user's own recording average, up to the time of the sample:
+    a number in the system's time, or ``interval`` for the time since the sample before. One for all
+    sensors, or by name of a sensor or of what it reads. Null for instantaneous readings."""
+
     every: Time | None
     """Step between samples. Twins are sampled at this step; finer recordings are resampled to it.
     Null keeps the recording's own step, and the times of an ODE recording as they are."""

@@ -35,6 +35,7 @@ RECORDING_KEYS = (
     "duration",
     "ignore",
     "reads",
+    "average",
     "calibration",
 )
 WIDTH = 96
