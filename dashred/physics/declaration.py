@@ -18,6 +18,8 @@ from dashred.physics.runge_kutta import Tableau
 
 # Beginning of the column of an input that is 1 in one episode and 0 in the others.
 MARK = "1 in the episode "
+# Beginning of the column of an input that is the rate of a delayed input.
+RATE = "rate of "
 
 
 class Declaration:
@@ -85,8 +87,9 @@ class Declaration:
 
     @property
     def measured_inputs(self) -> tuple[str, ...]:
-        """Names of the inputs, without those that only mark an episode."""
-        return tuple(n for n, column in self.inputs.items() if not column.startswith(MARK))
+        """Names of the inputs, without those that only mark an episode or are rates."""
+        own = (MARK, RATE)
+        return tuple(name for name, column in self.inputs.items() if not column.startswith(own))
 
     @property
     def held_inputs(self) -> frozenset[str]:

@@ -37,6 +37,10 @@ class Input:
     delay: Annotated[NonNegative, Unit("the system's time")] = 0.0
     """Time after which the input acts. Before the first sample acts, its value holds."""
 
+    delay_spread: Annotated[NonNegative, Unit("the system's time")] = 0.0
+    """Standard deviation of a delay that is known only roughly: it is fitted, like a parameter with
+    a spread. Not for a system with axes."""
+
 
 @dataclass
 class Table:

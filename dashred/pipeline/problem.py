@@ -15,6 +15,7 @@ from dashred.core.budget import Budget, Deadline
 from dashred.core.errors import InputError
 from dashred.core.findings.cause_schema import FaultySensor
 from dashred.data.episodes import Episodes, name_episode_in_errors
+from dashred.data.fitted_delays import about_delays
 from dashred.data.inputs import with_inputs
 from dashred.data.io.reader import read_episodes
 from dashred.data.known_readings import known_readings, with_known_at
@@ -73,7 +74,7 @@ class Problem:
         stated: values of the uncertain parameters as they are stated.
         sensed_at: values of parameters that sensors depend on, where these are not those of the
             system.
-        described: the sensor or the episode of uncertain parameters that belong to one.
+        described: the sensor, input or episode of uncertain parameters that belong to one.
     """
 
     config: Config
@@ -157,9 +158,19 @@ class Problem:
 
     def with_parameters(self, values: Mapping[str, float]) -> Problem:
         """Return the problem with other values of some parameters, in every episode."""
-        return self.with_readings_at(values)._in_every_episode(
-            lambda episode: replace(episode, system=with_parameters(episode.system, values))
-        )
+
+        def changed(episode: Problem) -> Problem:
+            moved = with_parameters(episode.system, values)
+            system = about_delays(moved, self.delayed, episode.split.fit.inputs)
+            split = episode.split.each(lambda part: with_known_at(part, episode.sensed, system))
+            return replace(episode, system=system, split=split, sensed_at={})
+
+        return self._in_every_episode(changed)
+
+    @property
+    def delayed(self) -> dict[str, str]:
+        """Name of the input whose delay is fitted, by parameter."""
+        return {name: own["input"] for name, own in self.described.items() if "input" in own}
 
     def with_readings_at(self, values: Mapping[str, float]) -> Problem:
         """Return the problem with sensors that have other values of some parameters.

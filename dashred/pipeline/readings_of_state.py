@@ -12,6 +12,7 @@ from dashred.data.averages import with_averages
 from dashred.data.calibration import with_calibration
 from dashred.data.episode_parameters import with_episode_parameters
 from dashred.data.episodes import Episodes, fitted_parts, with_sensors
+from dashred.data.fitted_delays import with_fitted_delays
 from dashred.data.known_readings import check_uncertain_have_effect, subtract_known_readings
 from dashred.data.saturation import has_stops
 from dashred.data.stated_noise import resolve_shares, with_noise_of_sensors
@@ -28,7 +29,7 @@ class ReadingsOfState(NamedTuple):
         system: the simulator, with lets and parameters for what the sensors read.
         episodes: the recording.
         clauses: what was subtracted from it, see :func:`subtract_known_readings`.
-        described: the sensor or the episode of parameters that belong to one.
+        described: the sensor, input or episode of parameters that belong to one.
     """
 
     system: System
@@ -49,7 +50,8 @@ def readings_of_state(config: Config, system: System, read: Episodes) -> Reading
         InputError: the noise or the calibration is invalid, an angle turns too fast, a sensor reads
             more than can be subtracted, or nothing depends on an uncertain parameter.
     """
-    by_episode = with_episode_parameters(system, read)
+    delayed = with_fitted_delays(system, read)
+    by_episode = with_episode_parameters(delayed.system, delayed.episodes)
     system, read = by_episode.system, by_episode.episodes
     check_uncertain_have_effect(system, read.sensors)
     stated, where = config.recording, config.where
@@ -64,6 +66,7 @@ def readings_of_state(config: Config, system: System, read: Episodes) -> Reading
     found = with_calibration(system, noisy, parts, stated.calibration, where)
     described: dict[str, dict[str, str]] = {
         **{name: {"sensor": sensor} for name, sensor in found.parameters.items()},
+        **{name: {"input": each} for name, each in delayed.parameters.items()},
         **{name: {"episode": episode} for name, episode in by_episode.parameters.items()},
     }
     return ReadingsOfState(*subtract_known_readings(found.system, found.episodes), described)

@@ -23,12 +23,14 @@ def fitted_parameters(
     Args:
         system: the simulator, about whose parameters the law is linearised.
         law: with the fitted parameters.
-        described: the ``sensor`` or the ``episode`` of parameters that belong to one.
+        described: the ``sensor``, ``input`` or ``episode`` of parameters that belong to one.
     """
     changes, known = exact_changes(system, law), described or {}
     found = [_entry(system, each, changes) for each in law.parameters]
     for each in found:
         own = known.get(each["parameter"], {})
+        if "input" in own:
+            each["input"] = own["input"]
         if "sensor" in own:
             each["sensor"] = own["sensor"]
         if "episode" in own:

@@ -29,7 +29,7 @@ def about_fitted_parameters(problem: Problem, found: SegmentSearch) -> dict[str,
     system = problem.system
     spreads = system.config.parameter_spread
     reads = {name for each in problem.quantities for name in each}
-    if acts_linearly(system, spreads, reads):
+    if not problem.delayed and acts_linearly(system, spreads, reads):
         return None
     fitted = fitted_parameters(system, law_from_segments(found, found.best))
     current = system.config.parameters

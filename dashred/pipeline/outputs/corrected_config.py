@@ -14,6 +14,7 @@ import yaml
 from dashred.config import Config
 from dashred.config.layers import written_out
 from dashred.core.files.atomic import write_text_atomic
+from dashred.data.fitted_delays import delay_parameter
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.inference.results.explanation import terms_of_law
@@ -73,6 +74,12 @@ def write_corrected(
     # Uncertain parameters have their fitted values.
     values["system"].pop("parameter_spread", None)
     values["system"].pop("parameter_per", None)
+    for name, given in stated.inputs.items():
+        if given.delay_spread:
+            delay = max(corrected.config.parameters[delay_parameter(name)], 0.0)
+            section = values["system"]["inputs"][name]
+            section.pop("delay_spread")
+            section["delay"] = float(f"{delay:.12g}")
     # The structure was declared for the uncorrected equations and would be refused with others.
     if _loses_structure(config, corrected):
         values["system"].pop("structure", None)

@@ -62,6 +62,8 @@ def _remarks(fitted: FittedParameter) -> list[str]:
     remarks = []
     if "episode" in fitted:
         remarks.append(f"This is the value in episode {fitted['episode']}.")
+    if "input" in fitted:
+        remarks.append(f"This is the delay of the input {fitted['input']}.")
     if "sensor" in fitted:
         remarks.append(f"This calibrates the sensor {fitted['sensor']}.")
     if distance > FAR:
