@@ -70,7 +70,8 @@ def _parse_part(given: Any, part: str, key: str, where: Callable[[str], str]) ->
     value, spread = stated.get("value", NEUTRAL[part]), stated.get("spread", "fitted")
     if not _is_number(value) or (part == "gain" and value == 0):
         what = f"the value of {key} is {value!r}, but must be a number"
-        raise InputError(what + " other than 0" * (part == "gain"), where=where(key), hint=HINT)
+        place = where(f"{key}.value")
+        raise InputError(what + " other than 0" * (part == "gain"), where=place, hint=HINT)
     if spread == "fitted":
         return StatedPart(float(value), None)
     if not _is_number(spread) or spread <= 0:

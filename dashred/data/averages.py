@@ -45,7 +45,8 @@ def with_averages(
             of a system with axes average over different times.
     """
     by_name = parse_average(stated, where)
-    check_named_sensors(episodes.sensors, filter(None, by_name), KEY, where(KEY))
+    for name in filter(None, by_name):
+        check_named_sensors(episodes.sensors, [name], KEY, where(f"{KEY}.{name}"))
     spans, longest = [], 0.0
     for column, sensor in enumerate(episodes.sensors):
         whole = by_name.get("", 0.0)

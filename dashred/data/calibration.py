@@ -60,15 +60,17 @@ def with_calibration(
         InputError: the key is invalid, or names neither a sensor nor what one reads.
     """
     by_name = parse_calibration(stated, where)
-    check_named_sensors(episodes.sensors, by_name, KEY, where(KEY))
+    for name, parts in by_name.items():
+        place = where(f"{KEY}.{name}.{next(iter(parts))}")
+        check_named_sensors(episodes.sensors, [name], KEY, place)
     sensors, parameters = list(episodes.sensors), dict[str, str]()
     for column, sensor in enumerate(sensors):
-        parts = by_name.get(sensor.name, by_name.get(sensor.reads))
-        if parts is None:
+        own = by_name.get(sensor.name, by_name.get(sensor.reads))
+        if own is None:
             continue
         readings = np.concatenate([part.values[:, column] for part in fitted])
         rms = float(np.sqrt(np.nanmean(np.square(readings))))
-        system, sensors[column], names = _calibrate(system, sensor, parts, rms)
+        system, sensors[column], names = _calibrate(system, sensor, own, rms)
         parameters |= dict.fromkeys(names, sensor.name)
     return Calibrated(system, with_sensors(episodes, tuple(sensors)), parameters)
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from dashred.core.errors import InputError
 from dashred.data.episodes import Episode, Episodes
-from dashred.data.inputs import with_inputs
+from dashred.data.inputs import check_delay, with_inputs
 from dashred.data.recording import Recording
 from dashred.physics.backends.input_signals import Array, InputSignals
 from dashred.physics.declaration import RATE
@@ -63,6 +63,8 @@ def with_fitted_delays(system: System, episodes: Episodes) -> Delayed:
         if system.axes:
             what = f"the delay of {name} cannot be fitted in a system with axes"
             raise InputError(what, where=place, hint="state the delay without a spread")
+        for each in episodes.episodes:
+            check_delay(name, given.delay, each.recording.inputs, system.where)
         delay, (now, rate) = delay_parameter(name), _inputs_of(name)
         if taken := system.names & {delay, now, rate}:
             what = f"a fitted delay of {name} needs the name {min(taken)}, which is taken"
