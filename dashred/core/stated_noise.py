@@ -7,12 +7,7 @@ import math
 import re
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from dashred.core.errors import InputError
-
-Array = NDArray[np.float64]
 
 HINT = (
     "for example 0.1, in the unit of the readings, 5% of their standard deviation, "
@@ -36,13 +31,6 @@ class NoiseLaw(NamedTuple):
     constant: float
     relative: float
     counts: float = 0.0
-
-    def std(self, level: Array) -> Array:
-        """Return σ of readings at some levels."""
-        found: Array = np.sqrt(
-            self.constant**2 + (self.relative * level) ** 2 + self.counts * np.abs(level)
-        )
-        return found
 
 
 class StatedNoise(NamedTuple):

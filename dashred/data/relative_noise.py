@@ -5,12 +5,21 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dashred.core.stated_noise import NoiseLaw
 from dashred.data.recording import Recording
 
 Array = NDArray[np.float64]
 
 # Neighbours on each side whose mean is the level of a reading.
 NEIGHBOURS = 3
+
+
+def noise_at(law: NoiseLaw, level: Array) -> Array:
+    """Return ``σ = √(a² + (b y)² + c |y|)`` of readings at some levels y."""
+    found: Array = np.sqrt(
+        law.constant**2 + (law.relative * level) ** 2 + law.counts * np.abs(level)
+    )
+    return found
 
 
 def relative_noise(recording: Recording, known: Array | float = 0.0) -> Array | None:
@@ -30,7 +39,7 @@ def relative_noise(recording: Recording, known: Array | float = 0.0) -> Array | 
     found = np.ones_like(levels)
     for column, sensor in enumerate(recording.sensors):
         if sensor.noise_law is not None and sensor.std:
-            found[:, column] = sensor.noise_law.std(levels[:, column]) / sensor.std
+            found[:, column] = noise_at(sensor.noise_law, levels[:, column]) / sensor.std
     return np.where(np.isfinite(found), found, 1.0)
 
 

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from dashred.core.stated_noise import Array, NoiseLaw, parse_noise
+from dashred.core.stated_noise import NoiseLaw, parse_noise
 from dashred.data.episodes import Episodes, fitted_parts, with_sensors
+from dashred.data.relative_noise import Array, noise_at
 from dashred.data.sensors import Sensor, check_named_sensors
 
 # A noise that is a share of the reading is at least this share of its size at the rms reading.
@@ -71,7 +72,7 @@ def _with_rms_noise(sensor: Sensor, law: NoiseLaw, readings: Array) -> Sensor:
     # Near zero a share of the reading would have any weight.
     floor = max(law.constant, LEAST_SHARE * law.relative * rms)
     found = law._replace(constant=floor)
-    std = float(np.sqrt(np.nanmean(np.square(found.std(readings)))))
+    std = float(np.sqrt(np.nanmean(np.square(noise_at(found, readings)))))
     return replace(sensor, std=std or None, noise_law=found if std else None)
 
 

@@ -10,7 +10,7 @@ from dashred.core.errors import InputError
 from dashred.core.stated_noise import NoiseLaw, parse_noise
 from dashred.data.episodes import Episode, Episodes
 from dashred.data.recording import Recording
-from dashred.data.relative_noise import neighbour_mean, relative_noise
+from dashred.data.relative_noise import neighbour_mean, noise_at, relative_noise
 from dashred.data.sensors import Sensor
 from dashred.data.stated_noise import resolve_shares
 from dashred.inference.fit.noise_model import NoiseModel
@@ -38,8 +38,8 @@ def test_other_texts_are_refused(given: str) -> None:
 
 
 def test_the_law() -> None:
-    np.testing.assert_allclose(NoiseLaw(3.0, 0.5).std(np.array([0.0, -8.0])), [3.0, 5.0])
-    np.testing.assert_allclose(NoiseLaw(0.0, 0.0, 1.0).std(np.array([4.0, 9.0])), [2.0, 3.0])
+    np.testing.assert_allclose(noise_at(NoiseLaw(3.0, 0.5), np.array([0.0, -8.0])), [3.0, 5.0])
+    np.testing.assert_allclose(noise_at(NoiseLaw(0.0, 0.0, 1.0), np.array([4.0, 9.0])), [2.0, 3.0])
 
 
 def test_the_level_is_that_of_the_neighbours() -> None:

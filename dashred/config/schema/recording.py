@@ -29,9 +29,11 @@ class Recording:
 
     std: Any
     """Standard deviation of the noise of the sensors of the user's own recording: a number in the
-    unit of what they read, or a share of the standard deviation of their readings such as 5%. One
-    for all sensors, or by name of a sensor or of what it reads. It overrides the table of sensors;
-    what neither states is estimated from the readings."""
+    unit of what they read, or a share of the standard deviation of their readings such as 5%. A
+    noise that depends on the reading is ``5% of reading``, ``0.01 + 5% of reading`` (both parts are
+    independent), or ``counts``, whose variance is their mean. One for all sensors, or by name of a
+    sensor or of what it reads. It overrides the table of sensors; what neither states is estimated
+    from the readings."""
 
     calibration: Any
     """Sensors of the user's own recording that are not calibrated: they read ``gain*y + offset`` of
