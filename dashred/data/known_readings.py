@@ -31,8 +31,8 @@ def subtract_known_readings(
         system: the simulator.
         episodes: the recording.
 
-    If g depends on an uncertain parameter, it is subtracted at its stated value. Then, and if the
-    noise depends on the reading, g is added to the system as a let: ``known`` of the sensor.
+    If g depends on a parameter, it is subtracted at its stated value. Then, and if the noise
+    depends on the reading, g is added to the system as a let: ``known`` of the sensor.
 
     Returns:
         The system and the recording of sensors that read functions of the state, and for each
@@ -49,7 +49,7 @@ def subtract_known_readings(
         of_state, known = _split(system, sensor)
         name = _free_name(system, sensor.reads, "of_state")
         let, label = {**system.config.let, name: to_text(of_state)}, ""
-        if names(known) & system.config.parameter_spread.keys() or sensor.noise_law:
+        if names(known) & system.config.parameters.keys() or sensor.noise_law:
             label = _free_name(system, sensor.reads, "known")
             let[label] = to_text(known)
         units = dict(system.units)

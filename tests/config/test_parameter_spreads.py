@@ -179,6 +179,12 @@ def test_snapshots_have_no_uncertain_parameters(load: Load) -> None:
     assert caught.value.where == "rc.yaml:5" and "remove it" in (caught.value.hint or "")
 
 
+def test_snapshots_have_no_calibration(load: Load) -> None:
+    text = TEXT[: TEXT.index("  parameters:")] + "  snapshots: runs.nc\nrecording: {path: my.csv}\n"
+    with pytest.raises(InputError, match=r"recording\.calibration and system\.snapshots"):
+        load("recording.calibration.q.gain=0.1", text=text)
+
+
 def test_a_start_with_a_spread(load: Load) -> None:
     text = TEXT.replace("start: {q: 1}", "start: {q: {value: 1, spread: 0.1}}")
     config = load(text=text)
