@@ -41,7 +41,7 @@ system:
 recording: {path: a.csv}
 """
 OMEGA, STEP = np.sqrt(2.0), 0.5
-TIMES = STEP * np.arange(1, 40)
+TIMES = np.linspace(0.5, 19.5, 39)
 
 
 def recorded(*names: str, gap: bool = False) -> Episodes:

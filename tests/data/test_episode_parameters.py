@@ -36,7 +36,7 @@ system:
   integrator: {dt: 0.1}
 recording: {path: a.csv}
 """
-TIMES = 0.1 * np.arange(41)
+TIMES = np.linspace(0.0, 4.0, 41)
 
 
 def tank(folder: Path, hold: bool = False) -> System:

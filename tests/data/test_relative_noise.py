@@ -55,6 +55,7 @@ def test_sizes_relative_to_the_rms_noise() -> None:
     whole = Episodes((Episode("", Recording(sensors, TIMES, values)),))
     recording = resolve_shares(whole, 1, 0.2).episodes[0].recording
     first = recording.sensors[0]
+    assert first.std is not None
     early = values[:80, 0]
     assert first.std == pytest.approx(0.1 * np.sqrt(np.mean(early**2)), rel=1e-3)
     sizes = relative_noise(recording)

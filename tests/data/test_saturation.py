@@ -32,7 +32,7 @@ system:
   integrator: {dt: 0.1}
 recording: {path: a.csv}
 """
-TIMES = 0.05 * np.arange(2000)
+TIMES = np.linspace(0.0, 99.95, 2000)
 SIGMA = 0.02
 
 

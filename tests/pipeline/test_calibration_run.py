@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -44,7 +45,7 @@ def record(path: Path) -> None:
     np.savetxt(path, columns, "%.7g", ",", header="time,U,amp", comments="")
 
 
-def test_gain_offset_and_a_resistance_that_only_a_sensor_sees(train, tmp_path: Path) -> None:
+def test_gain_offset_and_a_resistance_that_only_a_sensor_sees(train: Any, tmp_path: Path) -> None:
     record(tmp_path / "cell.csv")
     (tmp_path / "cell.yaml").write_text(CELL)
     ended = train(f"conf={tmp_path / 'cell.yaml'}")
