@@ -19,7 +19,7 @@ from dashred.core.files.user_path import user_path
 COMMAND_LINE_ONLY = ("output", "tracking.root", "tracking.run", "tracking.parent")
 
 # Sections to which an override may add entries, and the section that has their names.
-NAMED_IN = {"spread": "fields", "parameter_spread": "parameters"}
+NAMED_IN = {"spread": "fields", "parameter_spread": "parameters", "parameter_per": "parameters"}
 
 USAGE = """\
 usage: dashred {entry} conf=SYSTEM [key=value ...]

@@ -17,8 +17,11 @@ TWIN_ONLY = ("noise", "duration", "reads")
 LATER_KEYS = (
     ("system", "units"),
     ("system", "parameter_spread"),
+    ("system", "parameter_per"),
     ("system", "tables"),
     ("recording", "angles"),
+    ("recording", "average"),
+    ("recording", "calibration"),
 )
 
 
@@ -48,6 +51,9 @@ def frozen_input(config: Settings) -> dict[str, Any]:
         if isinstance(recording.get(key), str):
             recording[key] = Path(recording[key]).name
     system = values["system"]
+    for given in system["inputs"].values():
+        if not given["delay_spread"]:
+            del given["delay_spread"]
     name = system.pop("class_")
     if name is not None:
         system["class"] = name

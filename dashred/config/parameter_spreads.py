@@ -1,12 +1,14 @@
-"""The short form of an uncertain parameter, written out.
+"""The short forms of an uncertain parameter and of an uncertain start, written out.
 
 ``parameters: {R: {value: 2.7, spread: 1.0}}`` stands for the plain keys ``parameters: {R: 2.7}``
-and ``parameter_spread: {R: 1.0}``.
+and ``parameter_spread: {R: 1.0}``; ``start: {q: {value: 1, spread: 0.1}}`` for ``start: {q: 1}``
+and ``spread: {q: 0.1}``.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from typing import Any
 
 from dashred.config.layers import where_in
@@ -14,14 +16,17 @@ from dashred.config.schema.types import Where
 from dashred.config.source import Source, section_of
 from dashred.core.errors import InputError, nearest
 
-# The plain section of each key of the short form.
-SECTIONS = {"value": "parameters", "spread": "parameter_spread"}
-SHORT_KEY = re.compile(r"system\.parameters\.([^.\[]+)\.([^.\[]*)(.*)")
+# The plain section of each key of a short form, by the section that it is written in.
+SECTIONS = {
+    "parameters": {"value": "parameters", "spread": "parameter_spread", "per": "parameter_per"},
+    "start": {"value": "start", "spread": "spread"},
+}
+SHORT_KEY = re.compile(r"system\.(parameters|start)\.([^.\[]+)\.([^.\[]*)(.*)")
 EXAMPLE = "for example R: {value: 2.7, spread: 1.0}"
 
 
 def write_out_spreads(source: Source) -> Source:
-    """Return a system with the short forms of its parameters written out.
+    """Return a system with the short forms of its parameters and starts written out.
 
     A plain key has the location of what it stands for.
 
@@ -33,43 +38,54 @@ def write_out_spreads(source: Source) -> Source:
     """
     where = where_in(source.lines)
     values = with_plain_parameters(source.values, where)
-    stated = section_of(section_of(source.values, "system"), "parameter_spread")
-    for name, entry in _short_forms(source.values).items():
-        key = f"system.parameters.{name}"
+    system = section_of(source.values, "system")
+    for section, name, entry in _short_forms(source.values):
+        key = f"system.{section}.{name}"
         if "value" not in entry:
             raise InputError(f"{key} has no value", where=where(key), hint=EXAMPLE)
-        if "spread" in entry and name in stated:
-            what = f"the spread of {name} is given twice: here and in system.parameter_spread"
+        plain = SECTIONS[section]["spread"]
+        if "spread" in entry and name in section_of(system, plain):
+            what = f"the spread of {name} is given twice: here and in system.{plain}"
             raise InputError(what, where=where(f"{key}.spread"), hint="keep one of them")
     return Source(values, {plain_key(key, line): line for key, line in source.lines.items()})
 
 
 def with_plain_parameters(values: dict[str, Any], where: Where) -> dict[str, Any]:
-    """Return a layer of a configuration with the short forms of its parameters written out.
+    """Return a layer of a configuration with its short forms written out.
 
     Args:
-        values: the layer. A short form overrides ``parameter_spread``.
+        values: the layer. A short form overrides the plain section.
         where: returns the location of a key.
 
     Raises:
         InputError: a short form has an unknown key.
     """
-    short_forms = _short_forms(values)
-    if not short_forms:
-        return values
-    system = values["system"]
-    found: dict[str, dict[str, Any]] = {"value": {}, "spread": {}}
-    for name, given in system["parameters"].items():
+    short_forms = [*_short_forms(values)]
+    for section in dict.fromkeys(section for section, _, _ in short_forms):
+        entries = {name: entry for of, name, entry in short_forms if of == section}
+        plain = _written_out(values["system"], section, entries, where)
+        values = values | {"system": plain}
+    return values
+
+
+def _written_out(
+    system: dict[str, Any], section: str, short_forms: dict[str, dict[str, Any]], where: Where
+) -> dict[str, Any]:
+    """Return a system with the short forms of one section written out."""
+    parts = SECTIONS[section]
+    found: dict[str, dict[str, Any]] = {part: {} for part in parts}
+    for name, given in system[section].items():
         for part, value in short_forms.get(name, {"value": given}).items():
-            key = f"system.parameters.{name}.{part}"
-            _check_part(part, key, where(key))
+            key = f"system.{section}.{name}.{part}"
+            _check_part(part, parts, key, where(key))
             found[part][name] = value
-    system = system | {"parameters": found["value"]}
-    stated = system.get("parameter_spread", {})
-    # A value that is not a section is refused later.
-    if found["spread"] and isinstance(stated, dict):
-        system["parameter_spread"] = stated | found["spread"]
-    return values | {"system": system}
+    system = system | {section: found.pop("value")}
+    for part, given in found.items():
+        stated = system.get(parts[part], {})
+        # A value that is not a section is refused later.
+        if given and isinstance(stated, dict):
+            system[parts[part]] = stated | given
+    return system
 
 
 def plain_key(key: str, where: str) -> str:
@@ -84,20 +100,24 @@ def plain_key(key: str, where: str) -> str:
     Raises:
         InputError: it is an unknown key of a short form.
     """
-    parts = SHORT_KEY.fullmatch(key)
-    if parts is None:
+    found = SHORT_KEY.fullmatch(key)
+    if found is None:
         return key
-    name, part, rest = parts.groups()
-    _check_part(part, key, where)
-    return f"system.{SECTIONS[part]}.{name}{rest}"
+    section, name, part, rest = found.groups()
+    parts = SECTIONS[section]
+    _check_part(part, parts, key, where)
+    return f"system.{parts[part]}.{name}{rest}"
 
 
-def _check_part(part: str, key: str, where: str) -> None:
-    if part not in SECTIONS:
-        raise InputError(f"unknown key {key}", where=where, hint=nearest(part, SECTIONS))
+def _check_part(part: str, parts: dict[str, str], key: str, where: str) -> None:
+    if part not in parts:
+        raise InputError(f"unknown key {key}", where=where, hint=nearest(part, parts))
 
 
-def _short_forms(values: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return the parameters that are sections of keys, by name."""
-    parameters = section_of(section_of(values, "system"), "parameters")
-    return {name: given for name, given in parameters.items() if isinstance(given, dict) and given}
+def _short_forms(values: dict[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Yield the section and the name of every entry that is a section of keys, and the entry."""
+    system = section_of(values, "system")
+    for section in SECTIONS:
+        for name, given in section_of(system, section).items():
+            if isinstance(given, dict) and given:
+                yield section, name, given

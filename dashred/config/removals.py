@@ -13,6 +13,7 @@ SECTIONS = (
     "fields",
     "parameters",
     "parameter_spread",
+    "parameter_per",
     "tables",
     "let",
     "equations",
@@ -48,9 +49,10 @@ def remove_entries(written: Source, overrides: Source) -> tuple[Source, Source]:
             entries[section] = _without(known, removed)
             others[section] = _without(values, removed)
         keys += [f"system.{section}.{name}" for name in removed]
-        if section == "parameters" and (spreads := section_of(entries, "parameter_spread")):
-            entries["parameter_spread"] = _without(spreads, removed)
-            keys += [f"system.parameter_spread.{name}" for name in removed]
+        for beside in ("parameter_spread", "parameter_per") if section == "parameters" else ():
+            if own := section_of(entries, beside):
+                entries[beside] = _without(own, removed)
+                keys += [f"system.{beside}.{name}" for name in removed]
     return _with_system(written, entries, keys), _with_system(overrides, others, keys)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from dashred.core.errors import InputError
@@ -71,6 +71,30 @@ class Episodes:
             problem = f"found {len(self.episodes)} episodes, but one is expected"
             raise InputError(problem, where=path, hint="put each episode in a separate file")
         return self.episodes[0].recording
+
+
+def with_sensors(episodes: Episodes, sensors: tuple[Sensor, ...]) -> Episodes:
+    """Return a recording with other descriptions of its sensors."""
+    parts = [
+        Episode(part.name, replace(part.recording, sensors=sensors)) for part in episodes.episodes
+    ]
+    return replace(episodes, episodes=tuple(parts))
+
+
+def fitted_parts(episodes: Episodes, fitted: int, held_out: float) -> list[Recording]:
+    """Return the part of every fitted episode without its held-out end.
+
+    Args:
+        episodes: the recording.
+        fitted: number of episodes, from the first, that are not held out as a whole.
+        held_out: share of each episode, at its end, that is held out.
+    """
+    found = []
+    for part in episodes.episodes[:fitted]:
+        times = part.recording.times
+        end = float(times[0] + (1 - held_out) * (times[-1] - times[0]))
+        found.append(part.recording.between(float(times[0]), end))
+    return found
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import torch
@@ -68,6 +68,21 @@ def at_times(expr: Expr, values: Mapping[str, Value], count: int) -> NDArray[np.
     return np.ascontiguousarray(found.expand(count).numpy())
 
 
+def check_delay(name: str, delay: float, inputs: InputSignals, where: Callable[[str], str]) -> None:
+    """Check that an input acts within the recording.
+
+    Raises:
+        InputError: its delay is longer than the recording.
+    """
+    span = float(inputs.times[-1] - inputs.times[0])
+    if delay and delay >= span:
+        raise InputError(
+            f"the input {name} acts after {delay:g}, but its samples span {span:g}",
+            where=where(f"system.inputs.{name}.delay"),
+            hint="give a shorter delay; it is in the unit of time of the system",
+        )
+
+
 def with_inputs(system: System, inputs: InputSignals) -> System:
     """Return the system driven by measured inputs, given by column of the recording.
 
@@ -75,14 +90,8 @@ def with_inputs(system: System, inputs: InputSignals) -> System:
         InputError: the delay of an input is longer than the recording.
     """
     declared = system.config.inputs
-    span = float(inputs.times[-1] - inputs.times[0])
     for name, own in declared.items():
-        if own.delay and own.delay >= span:
-            raise InputError(
-                f"the input {name} acts after {own.delay:g}, but its samples span {span:g}",
-                where=system.where(f"system.inputs.{name}.delay"),
-                hint="give a shorter delay; it is in the unit of time of the system",
-            )
+        check_delay(name, own.delay, inputs, system.where)
     curves = {
         name: act(inputs.times, inputs.values[column], declared[name].hold, declared[name].delay)
         for name, column in system.inputs.items()

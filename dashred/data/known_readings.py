@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
 from dashred.data.episodes import Episode, Episodes
@@ -28,6 +31,9 @@ def subtract_known_readings(
         system: the simulator.
         episodes: the recording.
 
+    If g depends on a parameter, it is subtracted at its stated value. Then, and if the noise
+    depends on the reading, g is added to the system as a let: ``known`` of the sensor.
+
     Returns:
         The system and the recording of sensors that read functions of the state, and for each
         changed quantity a clause with what was subtracted.
@@ -35,19 +41,22 @@ def subtract_known_readings(
     Raises:
         InputError: y depends on an input or on time in another way, or not on the state.
     """
-    changed: dict[str, tuple[str, Expr]] = {}
+    changed: dict[str, _Parts] = {}
     clauses = []
     for sensor in episodes.sensors:
         if sensor.reads in changed or not _reads_clock(system, sensor.reads):
             continue
         of_state, known = _split(system, sensor)
-        name = _free_name(system, sensor.reads)
-        let = {**system.config.let, name: to_text(of_state)}
+        name = _free_name(system, sensor.reads, "of_state")
+        let, label = {**system.config.let, name: to_text(of_state)}, ""
+        if names(known) & system.config.parameters.keys() or sensor.noise_law:
+            label = _free_name(system, sensor.reads, "known")
+            let[label] = to_text(known)
         units = dict(system.units)
         if sensor.reads in units:
             units[name] = units[sensor.reads]
         system = system.with_config(replace(system.config, let=let, units=units))
-        changed[sensor.reads] = name, known
+        changed[sensor.reads] = _Parts(name, label, known)
         clauses.append(f"{sensor.reads} without its known part {to_text(known)}")
     if not changed:
         return system, episodes, []
@@ -57,21 +66,55 @@ def subtract_known_readings(
     return system, replace(episodes, episodes=parts), clauses
 
 
-def check_reads_no_uncertain(system: System, sensors: Sequence[Sensor]) -> None:
-    """Check that no sensor reads a function of an uncertain parameter.
+class _Parts(NamedTuple):
+    """The parts of a quantity: the let of h, the let of g if it is needed, and g."""
+
+    of_state: str
+    label: str
+    known: Expr
+
+
+def with_known_at(recording: Recording, before: System, after: System) -> Recording:
+    """Return a recording from which the known parts are subtracted at other parameter values.
+
+    Args:
+        recording: without the known parts of its readings.
+        before: the system with the values at which they were subtracted, driven by its inputs.
+        after: the system with the other values.
+    """
+    old, new = known_readings(recording, before), known_readings(recording, after)
+    return replace(recording, values=recording.values + (old - new))
+
+
+def known_readings(recording: Recording, system: System) -> NDArray[np.float64]:
+    """Return the known parts that are lets, ``(time, sensor)``; 0 for other sensors.
+
+    Args:
+        recording: without these parts.
+        system: with these lets, driven by its inputs.
+    """
+    found = np.zeros_like(recording.values)
+    for column, sensor in enumerate(recording.sensors):
+        if sensor.known:
+            found[:, column] = _at_samples(system, sensor.known, recording)
+    return found
+
+
+def check_uncertain_have_effect(system: System, sensors: Sequence[Sensor]) -> None:
+    """Check that an equation or a sensor depends on every uncertain parameter.
 
     Raises:
-        InputError: a sensor reads a ``let`` that depends on a parameter with a spread.
+        InputError: neither an equation nor what a sensor reads depends on a parameter with a
+            spread.
     """
-    for sensor in sensors:
-        found = names(_in_fields(system, sensor.reads)) & set(system.config.parameter_spread)
-        if found:
-            what = (
-                f"sensor {sensor.name!r} reads {sensor.reads!r}, which depends on the uncertain "
-                f"parameter {min(found)!r}"
-            )
-            hint = f"give {min(found)} without a spread, or record what does not depend on it"
-            raise InputError(what, where=system.where(f"system.let.{sensor.reads}"), hint=hint)
+    read = [system.parse(sensor.reads, f"system.let.{sensor.reads}") for sensor in sensors]
+    whole = map(system.without_lets, [*system.equations.values(), *read])
+    found = set().union(*map(names, whole))
+    for name in system.config.parameter_spread:
+        if name not in found:
+            what = f"{name} has a spread, but neither an equation nor a sensor depends on it"
+            place = system.where(f"system.parameter_spread.{name}")
+            raise InputError(what, where=place, hint="remove the spread, or use the parameter")
 
 
 def check_reads_state(system: System, sensors: Sequence[Sensor]) -> None:
@@ -116,24 +159,29 @@ def _refused(system: System, sensor: Sensor, hint: str) -> InputError:
     return InputError(what, where=system.where(f"system.let.{sensor.reads}"), hint=hint)
 
 
-def _free_name(system: System, reads: str) -> str:
-    name = f"{reads}_of_state"
+def _free_name(system: System, reads: str, part: str) -> str:
+    name = f"{reads}_{part}"
     while name in system.names:
         name += "_"
     return name
 
 
-def _without(
-    system: System, recording: Recording, changed: dict[str, tuple[str, Expr]]
-) -> Recording:
+def _without(system: System, recording: Recording, changed: dict[str, _Parts]) -> Recording:
     """Return a recording without the known part of its readings."""
     driven = with_inputs(system, recording.inputs)
     values, sensors = recording.values.copy(), []
     for column, sensor in enumerate(recording.sensors):
-        name, known = changed.get(sensor.reads, (sensor.reads, None))
-        sensors.append(replace(sensor, reads=name))
-        if known is not None:
-            key = f"system.let.{sensor.reads}"
-            clock = driven.coordinates_and_inputs(recording.times, torch.device("cpu"))
-            values[:, column] -= at_times(driven.resolve(known, key), clock, len(values))
+        parts = changed.get(sensor.reads)
+        if parts is None:
+            sensors.append(sensor)
+            continue
+        sensors.append(replace(sensor, reads=parts.of_state, known=parts.label))
+        values[:, column] -= _at_samples(driven, to_text(parts.known), recording)
     return replace(recording, sensors=tuple(sensors), values=values)
+
+
+def _at_samples(system: System, text: str, recording: Recording) -> NDArray[np.float64]:
+    """Return a function of inputs and time at the samples of a recording, ``(time,)``."""
+    clock = system.coordinates_and_inputs(recording.times, torch.device("cpu"))
+    expr = system.resolve(system.parse(text, text), text)
+    return at_times(expr, clock, len(recording.times))

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
 from dashred.data.recording import Recording
+from dashred.data.saturation import values_at_stop
+from dashred.data.sensors import Sensor
 
 # Third differences of white noise of variance σ² have variance (1 + 9 + 9 + 1) σ².
 THIRD_DIFFERENCE_STD = math.sqrt(20.0)
@@ -56,11 +58,18 @@ def _stated_or_estimated(recording: Recording) -> NDArray[np.float64]:
     """Return the stated or estimated std, ``(sensor,)``; 0 where nothing changes."""
     return np.array(
         [
-            _estimated(recording.times, values) if sensor.std is None else sensor.std
+            _estimated(recording.times, _noisy(sensor, values))
+            if sensor.std is None
+            else sensor.std
             for sensor, values in zip(recording.sensors, recording.values.T, strict=True)
         ],
         dtype=np.float64,
     )
+
+
+def _noisy(sensor: Sensor, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the readings of a sensor without those at its stops."""
+    return np.where(values_at_stop(values), np.nan, values) if sensor.has_stops else values
 
 
 def _estimated(times: NDArray[np.float64], values: NDArray[np.float64]) -> float:

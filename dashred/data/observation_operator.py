@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
 from dashred.data.interpolation import interpolation_weights
-from dashred.data.sensors import Sensor, SystemDescription, check_sensor
+from dashred.data.sensors import ObservedAxis, Sensor, SystemDescription, check_sensor
+from dashred.physics.backends.input_signals import Array
 
 
 @runtime_checkable
@@ -21,7 +24,7 @@ class ObservedSystem(SystemDescription, Protocol):
     def spectral(self) -> bool:
         """Whether the fields are band-limited rather than known at grid points only."""
 
-    def evaluate(self, name: str, state: Tensor, t: float, /) -> Tensor:
+    def evaluate(self, name: str, state: Tensor, t: float | Array, /) -> Tensor:
         """Return a derived quantity ``(*batch, *grid)`` of states ``(*batch, field, *grid)``."""
 
 
@@ -30,7 +33,8 @@ class ObservationOperator(nn.Module):
 
     Interpolation is trigonometric for spectral systems, linear for finite differences and cubic
     for finite volumes; in several dimensions the weights are products of one-dimensional weights.
-    The operator is differentiable and works in the dtype of the state.
+    A sensor that averages over a region has the mean of the weights there. The operator is
+    differentiable and works in the dtype of the state.
     """
 
     _weights: Tensor
@@ -59,11 +63,12 @@ class ObservationOperator(nn.Module):
         return len(self._system.axes)
 
     def forward(
-        self, state: Float[Tensor, "*dims"], t: float = 0.0
+        self, state: Float[Tensor, "*dims"], t: float | Array = 0.0
     ) -> Float[Tensor, "*batch sensor"]:
         """Return the sensor values of states ``(*batch, field, *grid)``.
 
-        The time ``t`` matters only to derived quantities that depend on it.
+        The time ``t`` matters only to derived quantities that depend on it. It is one time for all
+        states, or the times of the states, ``(*batch)``.
         """
         weights = self._weights.to(state.dtype)
         batch = state.shape[: state.ndim - 1 - len(self._system.axes)]
@@ -73,7 +78,7 @@ class ObservationOperator(nn.Module):
             found.append(quantity.to(state.dtype) @ weights[first:last].T)
         return torch.cat(found, dim=-1).index_select(-1, self._order)
 
-    def _quantity(self, name: str, state: Tensor, t: float) -> Tensor:
+    def _quantity(self, name: str, state: Tensor, t: float | Array) -> Tensor:
         if name in self._system.fields:
             return state.select(-1 - len(self._system.axes), self._system.fields.index(name))
         return self._system.evaluate(name, state, t)
@@ -84,8 +89,19 @@ def _weights(sensors: Sequence[Sensor], system: ObservedSystem) -> Float[Tensor,
     for index, axis in enumerate(system.axes):
         places = torch.tensor([s.position[index] for s in sensors], dtype=torch.float64)
         along = interpolation_weights(axis, places, system.spectral)
+        for row, sensor in enumerate(sensors):
+            if sensor.widths and sensor.widths[index] > 0:
+                inside, shares = _quadrature(axis, sensor.position[index], sensor.widths[index])
+                along[row] = shares @ interpolation_weights(axis, inside, system.spectral)
         weights = (weights[:, :, None] * along[:, None, :]).flatten(1)
     return weights
+
+
+def _quadrature(axis: ObservedAxis, place: float, width: float) -> tuple[Tensor, Tensor]:
+    """Return points and weights of the mean over an interval (Gauss–Legendre)."""
+    count = 8 + 4 * math.ceil(axis.ring_points * width / axis.period)
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    return torch.from_numpy(place + width / 2 * nodes), torch.from_numpy(weights / 2)
 
 
 def _group_slices(reads: Sequence[str]) -> list[tuple[str, int, int]]:

@@ -86,7 +86,9 @@ class Recording:
         """Hash of the contents (sensors, times, values), independent of the file format."""
         sensors = [[s.name, s.reads, list(s.position), s.std] for s in self.sensors]
         shares = [s.std_share for s in self.sensors if s.std_share is not None]
-        digest = hashlib.sha256(json.dumps(sensors + shares).encode())
+        laws = [s.noise_law for s in self.sensors if s.noise_law is not None]
+        regions = [[s.name, *s.widths] for s in self.sensors if s.widths]
+        digest = hashlib.sha256(json.dumps(sensors + shares + laws + regions).encode())
         digest.update(self.times.astype("<f8").tobytes())
         # Use one NaN for all missing values: its bits differ between file formats.
         digest.update(np.where(np.isnan(self.values), np.nan, self.values).astype("<f8").tobytes())

@@ -9,6 +9,7 @@ from typing import Protocol, runtime_checkable
 
 from dashred.core.errors import InputError, nearest
 from dashred.core.files.plain_text import first_unprintable
+from dashred.core.stated_noise import NoiseLaw
 
 # Columns of a recording that are not sensors.
 RESERVED = ("time", "episode")
@@ -81,7 +82,7 @@ class SystemDescription(Protocol):
 
 @dataclass(frozen=True)
 class Sensor:
-    """A point sensor.
+    """A sensor at a point, or one that averages over a region about it.
 
     Attributes:
         name: its column in a recording.
@@ -89,6 +90,13 @@ class Sensor:
         position: one coordinate per axis, in the axis' unit; empty for an ODE system.
         std: noise std, in the unit of the measured quantity; None if unknown.
         std_share: noise std as a share of the std of its readings; None if it is not stated so.
+        noise_law: noise std as a function of the reading; None if it is constant. ``std`` is its
+            rms over the readings, once they are known.
+        known: let with the part of its readings that inputs and time determine, and that has been
+            subtracted from them; empty without one.
+        is_calibrated: whether its gain or offset is fitted. Such a sensor is not held out.
+        has_stops: whether it saturates (:mod:`dashred.data.saturation`).
+        widths: widths of the region along each axis, in the axis' unit; empty for a point.
     """
 
     name: str
@@ -96,6 +104,16 @@ class Sensor:
     position: tuple[float, ...] = ()
     std: float | None = None
     std_share: float | None = None
+    noise_law: NoiseLaw | None = None
+    known: str = ""
+    is_calibrated: bool = False
+    has_stops: bool = False
+    widths: tuple[float, ...] = ()
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """The field or lets whose sum was measured."""
+        return (self.reads, self.known) if self.known else (self.reads,)
 
 
 def observable_names(system: SystemDescription) -> tuple[str, ...]:
@@ -169,3 +187,20 @@ def _check_position(sensor: Sensor, system: SystemDescription, where: str) -> No
             problem = f"sensor {sensor.name!r} is at {axis.name} = {coordinate:g}, outside the axis"
             hint = f"{axis.name} goes from 0 to {axis.length:g}"
             raise InputError(problem, where=where, hint=hint)
+    for axis, coordinate, width in zip(system.axes, sensor.position, sensor.widths, strict=False):
+        _check_width(sensor, axis, coordinate, width, where)
+
+
+def _check_width(
+    sensor: Sensor, axis: ObservedAxis, coordinate: float, width: float, where: str
+) -> None:
+    column = f"{axis.name}_width"
+    if not 0 <= width <= axis.length:
+        problem = f"sensor {sensor.name!r}: {column} is {width:g}"
+        hint = f"it must be at least 0 and at most the length of the axis, {axis.length:g}"
+        raise InputError(problem, where=where, hint=hint)
+    is_ring = axis.period == axis.length
+    if not is_ring and not width / 2 <= coordinate <= axis.length - width / 2:
+        problem = f"sensor {sensor.name!r} averages beyond an end of the axis {axis.name}"
+        hint = f"{axis.name} goes from 0 to {axis.length:g}: reduce {column}, or move the sensor"
+        raise InputError(problem, where=where, hint=hint)

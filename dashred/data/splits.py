@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -56,6 +56,16 @@ class Split:
     time_end: float
     fit_end: float
     note: str
+
+    def each(self, change: Callable[[Recording], Recording]) -> Split:
+        """Return the split with every part of the recording changed."""
+        return replace(
+            self,
+            fit=change(self.fit),
+            validation=change(self.validation),
+            heldout=change(self.heldout),
+            tested=change(self.tested),
+        )
 
     @property
     def roles(self) -> dict[str, str]:
@@ -141,9 +151,11 @@ def _held_out(
     check_names([*roles["validate"], *roles["test"]], "splits.sensors")
     counts = _counts(recording, splits)
     taken = [recording.names.index(name) for names in roles.values() for name in names]
-    free = [index for index in range(len(recording.sensors)) if index not in taken]
-    if not free:
+    left = [index for index in range(len(recording.sensors)) if index not in taken]
+    if not left:
         raise _too_few(recording)
+    # The gain of a sensor is determined by its own readings.
+    free = [index for index in left if not recording.sensors[index].is_calibrated]
     drawn = farthest_points(
         _positions(recording), sum(counts.values()), rng, candidates=free, already_chosen=taken
     )
@@ -162,6 +174,10 @@ def _named(recording: Recording, role: str, wanted: Any) -> list[str]:
             problem = f"the recording has no sensor {name!r}"
             hint = nearest(str(name), recording.names)
             raise InputError(problem, where=f"splits.sensors.{role}", hint=hint)
+        if recording.sensors[recording.names.index(name)].is_calibrated:
+            problem = f"sensor {name!r} cannot be held out, because its calibration is fitted"
+            hint = f"remove it from recording.calibration or from splits.sensors.{role}"
+            raise InputError(problem, where=f"splits.sensors.{role}", hint=hint)
     return list(wanted)
 
 
@@ -171,7 +187,8 @@ def _counts(recording: Recording, splits: Splits) -> dict[str, int]:
     numbers = {role: value if isinstance(value, int) else 0 for role, value in wanted.items()}
     named = sum(0 if isinstance(value, int) else len(value) for value in wanted.values())
     total = sum(numbers.values())
-    most = max(0, len(recording.sensors) - named - MIN_FITTED)
+    fixed = max(MIN_FITTED, sum(sensor.is_calibrated for sensor in recording.sensors))
+    most = max(0, len(recording.sensors) - named - fixed)
     if total <= most:
         return numbers
     test = round(most * numbers["test"] / total)

@@ -1,4 +1,4 @@
-"""The noise of sensors as the user states it: in units, or as a share of the readings' std."""
+"""The noise of sensors as the user states it: in units, as a share, or by the reading."""
 
 from __future__ import annotations
 
@@ -8,9 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from dashred.core.stated_noise import parse_noise
-from dashred.data.episodes import Episode, Episodes
+from dashred.core.stated_noise import NoiseLaw, parse_noise
+from dashred.data.episodes import Episodes, fitted_parts, with_sensors
+from dashred.data.relative_noise import Array, noise_at
 from dashred.data.sensors import Sensor, check_named_sensors
+
+# A noise that is a share of the reading is at least this share of its size at the rms reading.
+LEAST_SHARE = 0.01
 
 
 def with_noise_of_sensors(episodes: Episodes, stated: Any, where: str) -> Episodes:
@@ -30,35 +34,46 @@ def with_noise_of_sensors(episodes: Episodes, stated: Any, where: str) -> Episod
     if isinstance(stated, Mapping):
         check_named_sensors(episodes.sensors, stated, "recording.std", where)
     sensors = tuple(_stated(sensor, stated, where) for sensor in episodes.sensors)
-    return _with_sensors(episodes, sensors)
+    return with_sensors(episodes, sensors)
 
 
 def resolve_shares(episodes: Episodes, fitted: int, held_out: float) -> Episodes:
-    """Return a recording in which every stated noise is in units.
+    """Return a recording in which every stated noise has a std in units.
 
-    The std of the readings is the rms over the fitted episodes in which the sensor changes, each
-    without its held-out end.
+    The std of a noise that depends on the reading is its rms. The std of the readings is the rms
+    over the fitted episodes in which the sensor changes, each without its held-out end.
 
     Args:
         episodes: the recording.
         fitted: number of episodes, from the first, that are not held out as a whole.
         held_out: share of each episode, at its end, that is held out.
     """
-    if all(sensor.std_share is None for sensor in episodes.sensors):
+    if all(s.std_share is None and s.noise_law is None for s in episodes.sensors):
         return episodes
-    stds = []
-    for part in episodes.episodes[:fitted]:
-        times = part.recording.times
-        end = float(times[0] + (1 - held_out) * (times[-1] - times[0]))
-        stds.append(part.recording.between(float(times[0]), end).trace_std())
+    parts = fitted_parts(episodes, fitted, held_out)
+    stds = [part.trace_std() for part in parts]
     changing = np.maximum((np.array(stds) > 0).sum(axis=0), 1)
     size = np.sqrt(np.square(stds).sum(axis=0) / changing)
     sensors = []
-    for sensor, std in zip(episodes.sensors, size.tolist(), strict=True):
+    for column, (sensor, std) in enumerate(zip(episodes.sensors, size.tolist(), strict=True)):
+        if sensor.noise_law is not None:
+            readings = np.concatenate([part.values[:, column] for part in parts])
+            sensors.append(_with_rms_noise(sensor, sensor.noise_law, readings))
+            continue
         # A sensor that stays constant has no scale: its noise counts as unknown.
         own = sensor.std if sensor.std_share is None else sensor.std_share * std or None
         sensors.append(replace(sensor, std=own, std_share=None))
-    return _with_sensors(episodes, tuple(sensors))
+    return with_sensors(episodes, tuple(sensors))
+
+
+def _with_rms_noise(sensor: Sensor, law: NoiseLaw, readings: Array) -> Sensor:
+    """Return a sensor with the rms of a noise that depends on the reading."""
+    rms = float(np.sqrt(np.nanmean(np.square(readings))))
+    # Near zero a share of the reading would have any weight.
+    floor = max(law.constant, LEAST_SHARE * law.relative * rms)
+    found = law._replace(constant=floor)
+    std = float(np.sqrt(np.nanmean(np.square(noise_at(found, readings)))))
+    return replace(sensor, std=std or None, noise_law=found if std else None)
 
 
 def _stated(sensor: Sensor, stated: Any, where: str) -> Sensor:
@@ -67,12 +82,5 @@ def _stated(sensor: Sensor, stated: Any, where: str) -> Sensor:
         given = stated.get(sensor.name, stated.get(sensor.reads))
         if given is None:
             return sensor
-    std, share = parse_noise(given, "recording.std", where)
-    return replace(sensor, std=std, std_share=share)
-
-
-def _with_sensors(episodes: Episodes, sensors: tuple[Sensor, ...]) -> Episodes:
-    parts = [
-        Episode(part.name, replace(part.recording, sensors=sensors)) for part in episodes.episodes
-    ]
-    return replace(episodes, episodes=tuple(parts))
+    std, share, law = parse_noise(given, "recording.std", where)
+    return replace(sensor, std=std, std_share=share, noise_law=law)

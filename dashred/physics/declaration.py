@@ -19,6 +19,11 @@ from dashred.physics.expressions.reflection import Reflection
 from dashred.physics.methods import METHODS
 from dashred.physics.runge_kutta import Tableau
 
+# Beginning of the column of an input that is 1 in one episode and 0 in the others.
+MARK = "1 in the episode "
+# Beginning of the column of an input that is the rate of a delayed input.
+RATE = "rate of "
+
 
 class Declaration:
     """The equations ``∂u/∂t = N(u, t)`` of every field, as expressions.
@@ -89,6 +94,12 @@ class Declaration:
     def inputs(self) -> dict[str, str]:
         """Column of each measured input in the recording, by its name in the equations."""
         return {name: given.column or name for name, given in self.config.inputs.items()}
+
+    @property
+    def measured_inputs(self) -> tuple[str, ...]:
+        """Names of the inputs, without those that only mark an episode or are rates."""
+        own = (MARK, RATE)
+        return tuple(name for name, column in self.inputs.items() if not column.startswith(own))
 
     @property
     def held_inputs(self) -> frozenset[str]:

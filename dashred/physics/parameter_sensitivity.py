@@ -1,8 +1,8 @@
-"""Derivatives of the equations with respect to a parameter, as expressions."""
+"""Derivatives of the equations and readings with respect to a parameter, as expressions."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Set
+from collections.abc import Collection, Iterable, Sequence, Set
 
 from dashred.physics.boundaries.responses import condition_slopes
 from dashred.physics.expressions.algebra import ZERO, Call, Expr, Where, add, children, names
@@ -46,17 +46,42 @@ def parameter_slopes(system: System, parameter: str) -> dict[str, Expr]:
     }
 
 
-def acts_linearly(system: System, parameters: Collection[str]) -> bool:
+def reading_slopes(system: System, reads: Sequence[str]) -> dict[str, Expr]:
+    """Return ``∂h/∂p`` of a reading ``h = Σ reads`` for every parameter that it depends on.
+
+    Parameters remain by name.
+
+    Raises:
+        NotDifferentiableError: see :func:`differentiate`.
+    """
+    whole = add([_reading(system, name) for name in reads])
+    known = sorted(names(whole) & system.config.parameters.keys())
+    slopes = {parameter: differentiate(whole, parameter) for parameter in known}
+    return {parameter: slope for parameter, slope in slopes.items() if slope != ZERO}
+
+
+def parameters_read(system: System, reads: Iterable[Sequence[str]]) -> frozenset[str]:
+    """Return the parameters that some readings depend on; see :func:`reading_slopes`."""
+    return frozenset().union(*(reading_slopes(system, each) for each in reads))
+
+
+def acts_linearly(system: System, parameters: Collection[str], reads: Collection[str] = ()) -> bool:
     """Return whether the equations are affine in some parameters together.
 
     False as well if an equation has no derivative with respect to one of them, or contains one
     within a function: the derivative does not tell where a ``clip`` or a ``step`` jumps.
+
+    Args:
+        system: the simulator.
+        parameters: their names.
+        reads: fields and lets that have to be affine in them, too.
     """
-    whole = map(system.without_lets, system.equations.values())
+    whole = [*map(system.without_lets, system.equations.values())]
+    whole += [_reading(system, name) for name in reads]
     if any(is_within_function(expr, set(parameters)) for expr in whole):
         return False
     try:
-        slopes = [s for p in parameters for s in parameter_slopes(system, p).values()]
+        slopes = [differentiate(expr, p) for p in parameters for expr in whole]
         return all(differentiate(slope, p) == ZERO for slope in slopes for p in parameters)
     except NotDifferentiableError:
         return False
@@ -77,6 +102,10 @@ def act_separately(system: System, parameters: Collection[str]) -> bool:
         )
     except NotDifferentiableError:
         return False
+
+
+def _reading(system: System, name: str) -> Expr:
+    return system.without_lets(system.parse(name, f"system.let.{name}"))
 
 
 def is_within_function(expr: Expr, parameters: Set[str]) -> bool:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -127,8 +128,13 @@ class System(Declaration):
         """Return a system with another declaration and the same input signals."""
         return System(config, self.where, self.input_signals)
 
-    def evaluate(self, text: str, state: Tensor, t: float = 0.0) -> Tensor:
+    def evaluate(self, text: str, state: Tensor, t: float | Array = 0.0) -> Tensor:
         """Evaluate an expression of the system on states ``(*batch, field, *grid)``.
+
+        Args:
+            text: the expression.
+            state: the states.
+            t: one time for all states, or times that broadcast to ``(*batch)``.
 
         Returns:
             ``(*batch, *grid)``, in the state's dtype.
@@ -136,7 +142,10 @@ class System(Declaration):
         batch = state.shape[: state.dim() - len(self.grid.shape) - 1]
         flat = state.reshape(-1, len(self.fields), *self.grid.shape)
         expr = self.resolve(self.parse(text, text), text)
-        [value] = Program([expr])(self.values(flat.double(), t), self.operators)
+        clock = t
+        if not isinstance(t, float):
+            clock = np.broadcast_to(t, batch).reshape(-1, *[1] * len(self.grid.shape)).copy()
+        [value] = Program([expr])(self.values(flat.double(), clock), self.operators)
         points = torch.as_tensor(self.operators.on_grid(value), dtype=state.dtype)
         return points.expand(len(flat), *self.grid.shape).reshape(batch + self.grid.shape)
 

@@ -45,6 +45,10 @@ class Input:
     delay: Annotated[NonNegative, Unit("the system's time")] = 0.0
     """Time after which the input acts. Before the first sample acts, its value holds."""
 
+    delay_spread: Annotated[NonNegative, Unit("the system's time")] = 0.0
+    """Standard deviation of a delay that is known only roughly: it is fitted, like a parameter with
+    a spread. Not for a system with axes."""
+
 
 @dataclass
 class Table:
@@ -124,6 +128,11 @@ class System:
     """Prior standard deviations of parameters that are known only roughly. They are fitted together
     with the initial state. A parameter that is not listed has exactly its value."""
 
+    parameter_per: dict[str, str] = field(default_factory=dict)
+    """Uncertain parameters with a value of their own in every ``episode``, all with the same stated
+    value and spread. ``m: {value: 1, spread: 0.2, per: episode}`` is the short form. No episode is
+    then held out as a whole."""
+
     tables: dict[str, Table] = field(default_factory=dict)
     """Functions given by points, such as a characteristic curve: ``interp(q, OCV)`` is the value of
     the table OCV at q."""
@@ -144,7 +153,8 @@ class System:
 
     start: dict[str, Any] = field(default_factory=dict)
     """Nominal initial state of every field: a number, or an expression in the coordinates.
-    Required, except with snapshots."""
+    Required, except with snapshots. ``q: {value: 1, spread: 0.1}`` is short for a value and its
+    ``spread``. The start is fitted in every episode by itself."""
 
     spin_up: Annotated[NonNegative, Unit("the system's time")] = 0.0
     """Time that the simulator runs before the start, so that it starts on its attractor."""

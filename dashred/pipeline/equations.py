@@ -20,6 +20,7 @@ from dashred.pipeline import assimilation, surrogate, training, trajectories
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.discovery import discovery
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
+from dashred.pipeline.discovery.relinearisation import with_fitted_readings
 from dashred.pipeline.discovery.segment_stage import (
     discover_in_segments,
     has_sensor_errors,
@@ -187,6 +188,7 @@ def _discover(
         "discover",
         lambda: _discover_law(simulated, ensemble, network, assimilated, run, seconds),
     )
+    problem = with_fitted_readings(problem, discovered.best)
     runs = trajectories.simulate_trajectories(problem, nominal, discovered, seconds)
     corrected_network, (corrected_shred, *others) = checkpoints.stage(
         "corrected_shred",
@@ -266,6 +268,7 @@ def analyse_equations(config: Config) -> Path:
             verify.freeze_findings(output, findings, [])
             figures = report.report_unresolved(findings, output)
         else:
+            problem = with_fitted_readings(problem, analysis.discovery.best)
             findings = verify.verify(problem, analysis)
             verify.write_findings(problem, analysis, findings, output)
             figures = report.report(problem, analysis, findings, output, seconds)

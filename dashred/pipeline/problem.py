@@ -14,17 +14,17 @@ from dashred.config.checks.checks import MAX_STEPS
 from dashred.core.budget import Budget, Deadline
 from dashred.core.errors import InputError
 from dashred.core.findings.cause_schema import FaultySensor
-from dashred.data.angles import continue_angles
 from dashred.data.episodes import Episodes, name_episode_in_errors
+from dashred.data.fitted_delays import about_delays
 from dashred.data.inputs import with_inputs
-from dashred.data.known_readings import check_reads_no_uncertain, subtract_known_readings
+from dashred.data.known_readings import known_readings, with_known_at
 from dashred.data.noise_level import noise_std
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.own_times import describe_times, has_uneven_times
 from dashred.data.recording import Recording
+from dashred.data.relative_noise import Array, relative_noise
 from dashred.data.resampling import native_step, resample_all
 from dashred.data.splits import Split, hold_out_episode, split_recording
-from dashred.data.stated_noise import resolve_shares, with_noise_of_sensors
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.forward.candidates import ChangePrior
 from dashred.inference.results.corrected_system import with_parameters
@@ -34,14 +34,12 @@ from dashred.physics.external.snapshots import Snapshots
 from dashred.physics.hidden_state import HiddenState, with_hidden_states
 from dashred.physics.let_terms import build_let_terms
 from dashred.physics.library import build_library
+from dashred.physics.parameter_sensitivity import parameters_read
 from dashred.physics.system import System, Term
 from dashred.pipeline.read_recorded import read_recorded
+from dashred.pipeline.readings_of_state import fitted_count, readings_of_state
 from dashred.pipeline.time_shares import ENDS, begin_budget
 from dashred.pipeline.time_step import states_time_step, with_time_step
-
-# With at least this many episodes, the last one is held out as a whole.
-FEWEST_TO_HOLD_OUT = 3
-
 
 # Lower bound of the noise σ, as a share of the std of a trace, before the residuals give an
 # estimate. With less noise than this the search would stop at laws that fit the recording only
@@ -76,6 +74,10 @@ class Problem:
             None keeps that of the simulator.
         hidden: a hidden state that was added to the system, because without it no law could
             explain the recording.
+        stated: values of the uncertain parameters as they are stated.
+        sensed_at: values of parameters that sensors depend on, where these are not those of the
+            system.
+        described: the sensor, input or episode of uncertain parameters that belong to one.
     """
 
     config: Config
@@ -95,6 +97,9 @@ class Problem:
     budget: Budget = field(default_factory=Budget)
     longer_dt: float | None = None
     hidden: HiddenState | None = None
+    stated: Mapping[str, float] = field(default_factory=dict)
+    sensed_at: Mapping[str, float] = field(default_factory=dict)
+    described: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     def deadline(self, stage: str) -> Deadline:
         """Return the time at which a stage ends (:data:`.time_shares.ENDS`).
@@ -144,27 +149,61 @@ class Problem:
     @property
     def parameter_priors(self) -> dict[str, ChangePrior]:
         """Priors of the changes of the uncertain parameters, by name."""
-        stated, known = self.config.system, self.system.config.parameters
-        priors = {
-            name: ChangePrior(stated.parameters[name] - known[name], spread)
-            for name, spread in stated.parameter_spread.items()
+        known = self.system.config
+        values = {**known.parameters, **self.stated}
+        return {
+            name: ChangePrior(values[name] - known.parameters[name], spread)
+            for name, spread in known.parameter_spread.items()
         }
-        if self.hidden is not None:
-            priors[self.hidden.constant] = ChangePrior(0.0, self.hidden.tau_spread)
-        return priors
 
     @property
     def stated_system(self) -> System:
         """The simulator with the stated values of the uncertain parameters."""
-        stated = self.config.system
-        values = {name: stated.parameters[name] for name in stated.parameter_spread}
-        return with_parameters(self.system, values) if values else self.system
+        return with_parameters(self.system, self.stated) if self.stated else self.system
 
     def with_parameters(self, values: Mapping[str, float]) -> Problem:
         """Return the problem with other values of some parameters, in every episode."""
-        return self._in_every_episode(
-            lambda episode: replace(episode, system=with_parameters(episode.system, values))
-        )
+
+        def changed(episode: Problem) -> Problem:
+            moved = with_parameters(episode.system, values)
+            system = about_delays(moved, self.delayed, episode.split.fit.inputs)
+            split = episode.split.each(lambda part: with_known_at(part, episode.sensed, system))
+            return replace(episode, system=system, split=split, sensed_at={})
+
+        return self._in_every_episode(changed)
+
+    @property
+    def delayed(self) -> dict[str, str]:
+        """Name of the input whose delay is fitted, by parameter."""
+        return {name: own["input"] for name, own in self.described.items() if "input" in own}
+
+    def with_readings_at(self, values: Mapping[str, float]) -> Problem:
+        """Return the problem with sensors that have other values of some parameters.
+
+        The equations keep theirs. Without a sensor that depends on them, nothing changes.
+        """
+        read = parameters_read(self.system, self.quantities)
+        moved = {name: value for name, value in values.items() if name in read}
+        if not moved:
+            return self
+
+        def changed(episode: Problem) -> Problem:
+            sensed = with_parameters(episode.sensed, moved)
+            split = episode.split.each(lambda part: with_known_at(part, episode.sensed, sensed))
+            return replace(episode, sensed_at={**episode.sensed_at, **moved}, split=split)
+
+        return self._in_every_episode(changed)
+
+    @property
+    def quantities(self) -> list[tuple[str, ...]]:
+        """What the sensors read, see :attr:`Sensor.quantities`, without repetitions."""
+        parts = self.split.fit, self.split.validation, self.split.tested
+        return [*{sensor.quantities: None for part in parts for sensor in part.sensors}]
+
+    @property
+    def sensed(self) -> System:
+        """The system whose state the sensors read."""
+        return with_parameters(self.system, self.sensed_at) if self.sensed_at else self.system
 
     def with_longer_step(self, dt: float) -> Problem:
         """Return the problem with another time step of the ensemble, in every episode."""
@@ -197,11 +236,19 @@ class Problem:
 
     def operator(self, recording: Recording) -> ObservationOperator:
         """Return the observation operator H of the sensors of a part of the recording."""
-        return ObservationOperator(recording.sensors, self.system)
+        return ObservationOperator(recording.sensors, self.sensed)
 
     def noise_of(self, names: tuple[str, ...]) -> Tensor:
         """Return the noise σ of the named sensors, ``(sensor,)``."""
         return torch.tensor([self.noise[name] for name in names], dtype=torch.float64)
+
+    def relative_noise(self, recording: Recording) -> Array | None:
+        """Return σ of every reading as a factor of its sensor's; see :func:`relative_noise`.
+
+        Args:
+            recording: a part of the recording of this episode.
+        """
+        return relative_noise(recording, known_readings(recording, self.sensed))
 
     def fit_noise_std(self) -> Tensor:
         """Return the noise σ of the fit sensors before any fit, ``(sensor,)``.
@@ -251,7 +298,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     library = build_library(system, config.library)
     read = read_recorded(config, system) if recorded is None else recorded
     sha256 = read.sha256()
-    system, read, subtracted = with_readings_of_state(config, system, read)
+    system, read, subtracted, described = readings_of_state(config, system, read)
     # The system and the recording may each state units. The reader has converted the values.
     units = {**read.episodes[0].recording.units, **system.units}
     system = system.with_config(replace(system.config, units=units))
@@ -274,7 +321,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
             _check_steps(config, float(times[-1] - times[0]), system.dt)
             splits.append(split_recording(part.recording, config.splits, config.seed))
     raw = [episode.recording for episode in read.episodes]
-    fitted = _fitted_count(read)
+    fitted = fitted_count(config, read)
     if fitted < len(splits):
         splits[-1] = hold_out_episode(sampled.episodes[-1].recording, splits[-1])
     noise = _noise(raw[:fitted], splits[:fitted])
@@ -285,6 +332,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
         limit, end = config.resolution_limit, budget.deadline(ENDS["simulate"])
         chosen, why = with_time_step(driven, longest_fit, std, limit, end)
         system, clock = system.with_step(chosen.dt), _with_clause(clock, why)
+    stated = {name: system.config.parameters[name] for name in system.config.parameter_spread}
     problems = [
         Problem(
             config=config,
@@ -298,6 +346,8 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
             name=episode.name,
             snapshots=snapshots,
             budget=budget,
+            stated=stated,
+            described=described,
         )
         for episode, split in zip(sampled.episodes, splits, strict=True)
     ]
@@ -309,36 +359,6 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
 def _with_clause(sentence: str, clause: str) -> str:
     """Return a sentence with one clause more."""
     return f"{sentence.rstrip('.')}; {clause}."
-
-
-def with_readings_of_state(
-    config: Config, system: System, read: Episodes
-) -> tuple[System, Episodes, list[str]]:
-    """Return a recording with its stated noise, of continued angles and the state alone.
-
-    Args:
-        config: may state the noise.
-        system: the simulator.
-        read: the recording as it was read.
-
-    Returns:
-        The system, the recording, and clauses as of :func:`subtract_known_readings`.
-
-    Raises:
-        InputError: the noise is invalid, an angle turns too fast, or a sensor reads a function of
-            an uncertain parameter, or more than can be subtracted.
-    """
-    check_reads_no_uncertain(system, read.sensors)
-    read = continue_angles(system, read, config.recording.angles, config.where("recording.angles"))
-    stated = with_noise_of_sensors(read, config.recording.std, config.where("recording.std"))
-    stated = resolve_shares(stated, _fitted_count(read), config.splits.time.test)
-    return subtract_known_readings(system, stated)
-
-
-def _fitted_count(read: Episodes) -> int:
-    """Return the number of episodes that are not held out as a whole."""
-    count = len(read.episodes)
-    return count - (count >= FEWEST_TO_HOLD_OUT)
 
 
 def _snapshots(system: System, read: Episodes) -> Snapshots | None:

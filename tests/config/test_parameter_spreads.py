@@ -177,3 +177,37 @@ def test_snapshots_have_no_uncertain_parameters(load: Load) -> None:
         load(text=text)
     assert "system.parameter_spread and system.snapshots are both given" in caught.value.what
     assert caught.value.where == "rc.yaml:5" and "remove it" in (caught.value.hint or "")
+
+
+def test_snapshots_have_no_calibration(load: Load) -> None:
+    text = TEXT[: TEXT.index("  parameters:")] + "  snapshots: runs.nc\nrecording: {path: my.csv}\n"
+    with pytest.raises(InputError, match=r"recording\.calibration and system\.snapshots"):
+        load("recording.calibration.q.gain=0.1", text=text)
+
+
+def test_a_start_with_a_spread(load: Load) -> None:
+    text = TEXT.replace("start: {q: 1}", "start: {q: {value: 1, spread: 0.1}}")
+    config = load(text=text)
+    assert config.system.start == {"q": 1} and config.system.spread == {"q": 0.1}
+    assert load("system.start.q.spread=0.3", text=text).system.spread == {"q": 0.3}
+    assert load("system.start.q={value: 2, spread: 0.2}").system.spread == {"q": 0.2}
+    with pytest.raises(InputError, match=r"unknown key system\.start\.q\.sprad"):
+        load(text=text.replace("spread: 0.1}", "sprad: 0.1}"))
+
+
+PER = "R: {value: 2.7, spread: 1.0, per: episode}"
+
+
+def test_a_value_per_episode(load: Load) -> None:
+    text = TEXT.replace("R: {value: 2.7, spread: 1.0}", PER)
+    assert load(text=text).system.parameter_per == {"R": "episode"}
+    assert load("system.parameters.R.per=~", text=text).system.parameter_per == {}
+    removed = load("system.parameters.R=~", "system.equations.q=-v + m*q", text=text)
+    assert removed.system.parameter_per == {}
+    for old, new, what in (
+        ("per: episode", "per: subject", "only per: episode is possible"),
+        ("spread: 1.0, per", "per", "R has a value per episode, but no spread"),
+    ):
+        with pytest.raises(InputError, match=what) as caught:
+            load(text=text.replace(old, new))
+        assert caught.value.where == "rc.yaml:5"

@@ -12,7 +12,14 @@ import pytest
 from dashred.config import load_config
 from dashred.core.errors import InputError
 from dashred.data.episodes import Episode, Episodes
-from dashred.data.known_readings import check_reads_state, subtract_known_readings
+from dashred.data.inputs import with_inputs
+from dashred.data.known_readings import (
+    check_reads_state,
+    check_uncertain_have_effect,
+    known_readings,
+    subtract_known_readings,
+    with_known_at,
+)
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.physics.backends.input_signals import InputSignals
@@ -114,3 +121,27 @@ def test_other_functions_are_refused(cell: MakeCell, let: str, says: str) -> Non
 def test_a_twin_reads_the_state_alone(cell: MakeCell) -> None:
     with pytest.raises(InputError, match="depends on 'I'"):
         check_reads_state(cell("ocv - drop"), [Sensor("volt", "U")])
+
+
+def test_what_depends_on_an_uncertain_parameter_is_kept_as_a_let(cell: MakeCell) -> None:
+    system = cell("ocv - drop - k*q")
+    spread = replace(system.config, parameter_spread={"R": 0.01})
+    system, found, _ = subtract_known_readings(system.with_config(spread), recorded())
+    [part] = found.episodes
+    volt, charge = part.recording.sensors
+    assert volt.quantities == ("U_of_state", "U_known") and charge.quantities == ("q",)
+    driven = with_inputs(system, part.recording.inputs)
+    np.testing.assert_allclose(known_readings(part.recording, driven)[:, 0], -0.03 * AMP)
+    parameters = {**system.config.parameters, "R": 0.05}
+    other = driven.with_config(replace(system.config, parameters=parameters))
+    moved = with_known_at(part.recording, driven, other)
+    np.testing.assert_allclose(moved.values[:, 0], VOLT + 0.05 * AMP, atol=1e-12)
+
+
+def test_an_uncertain_parameter_needs_an_effect(cell: MakeCell) -> None:
+    system = cell("ocv - drop - k*q")
+    uncertain = system.with_config(replace(system.config, parameter_spread={"k": 0.01}))
+    sensors = recorded().sensors
+    check_uncertain_have_effect(uncertain, sensors)
+    with pytest.raises(InputError, match="k has a spread, but neither"):
+        check_uncertain_have_effect(uncertain, sensors[1:])

@@ -31,7 +31,8 @@ def stds(episodes: Episodes) -> list[float | None]:
     [(0.1, (0.1, None)), ("0.1", (0.1, None)), ("5%", (None, 0.05)), (" 5 % ", (None, 0.05))],
 )
 def test_a_noise_is_a_number_or_a_share(given, found):
-    std, share = parse_noise(given, "std", "here")
+    std, share, law = parse_noise(given, "std", "here")
+    assert law is None
     assert std == pytest.approx(found[0])
     assert share == pytest.approx(found[1])
 

@@ -16,6 +16,8 @@ from dashred.config.schema.types import Where, required
 from dashred.core.column_names import parse_columns
 from dashred.core.errors import InputError, nearest
 from dashred.core.limits import Limit
+from dashred.core.stated_average import parse_average
+from dashred.core.stated_calibration import parse_calibration
 from dashred.core.stated_noise import parse_noise
 from dashred.physics.system_schema import System
 
@@ -129,6 +131,8 @@ def _check_recording(settings: Settings, where: Where) -> None:
     _check_sensors(recording, where)
     _check_noise(recording.std, where)
     parse_columns(recording.columns, where("recording.columns"))
+    parse_calibration(recording.calibration, where)
+    parse_average(recording.average, where)
     for i, name in enumerate(recording.reads):
         if name not in system.fields and name not in system.let:
             raise InputError(

@@ -11,6 +11,7 @@ from dashred.physics.system_schema import System
 EQUATION_KEYS = (
     "equations",
     "parameter_spread",
+    "parameter_per",
     "start",
     "spin_up",
     "spin_up_dt",
@@ -30,6 +31,12 @@ def check_snapshots(settings: Settings, where: Where) -> None:
     system = settings.system
     if system.snapshots is None:
         return
+    if settings.recording.calibration is not None:
+        raise InputError(
+            "recording.calibration and system.snapshots are both given",
+            where=where("recording.calibration"),
+            hint="a calibration is fitted through equations: correct the readings before the run",
+        )
     if unused := next((key for key in EQUATION_KEYS if getattr(system, key)), None):
         value = getattr(system, unused)
         first = f".{next(iter(value))}" if isinstance(value, dict) else ""

@@ -55,6 +55,7 @@ def check_system(system: System, where: Where) -> None:
             raise InputError(problem, where=where(f"system.start.{name}"))
     _check_spread(system, where)
     _check_parameter_spread(system, where)
+    _check_parameter_per(system, where)
     check_tables(system, where)
     _check_front(system, where)
 
@@ -172,6 +173,22 @@ def _check_parameter_spread(system: System, where: Where) -> None:
         if not _positive(spread):
             what = f"the spread of {name} must be a positive number; got {spread:g}"
             hint = "omit the spread of a parameter whose value is exact"
+            raise InputError(what, where=place, hint=hint)
+
+
+def _check_parameter_per(system: System, where: Where) -> None:
+    for name, per in system.parameter_per.items():
+        place = where(f"system.parameter_per.{name}")
+        if per != "episode":
+            what = f"{name} has a value per {per!r}, but only per: episode is possible"
+            hint = "write episode; a subject whose recording is one stretch is an episode"
+            raise InputError(what, where=place, hint=hint)
+        if name not in system.parameters:
+            what = f"system.parameter_per names {name}, which is not a parameter"
+            raise InputError(what, where=place, hint=nearest(name, system.parameters))
+        if name not in system.parameter_spread:
+            what = f"{name} has a value per episode, but no spread"
+            hint = f"for example {name}: {{value: 1, spread: 0.2, per: episode}}"
             raise InputError(what, where=place, hint=hint)
 
 

@@ -9,20 +9,22 @@ from dashred.physics.expressions.differentiate import differentiate
 
 
 def check_uncertain_parameters(declared: Declaration) -> None:
-    """Check that an equation changes smoothly with every parameter that has a spread.
+    """Check that an equation or a let changes smoothly with every parameter that has a spread.
 
     Raises:
-        InputError: no equation depends on the parameter, or only through the place of a jump.
+        InputError: nothing depends on the parameter, or only through the place of a jump.
     """
     spreads = declared.config.parameter_spread
     if not spreads:
         return
-    equations = [declared.without_lets(expr) for expr in declared.equations.values()]
+    # A sensor may read any let.
+    read = [*declared.equations.values(), *declared.lets.values()]
+    equations = [declared.without_lets(expr) for expr in read]
     equations += [end.given for sides in declared.conditions.values() for end in sides.values()]
     for name in spreads:
         place = declared.where(f"system.parameter_spread.{name}")
         if not any(name in names(equation) for equation in equations):
-            what = f"{name} has a spread, but no equation depends on it"
+            what = f"{name} has a spread, but no equation or let depends on it"
             raise InputError(what, where=place, hint="remove the spread, or use the parameter")
         if all(differentiate(equation, name) == ZERO for equation in equations):
             what = f"{name} has a spread, but it only moves a jump (step, sign, where)"

@@ -29,9 +29,23 @@ class Recording:
 
     std: Any
     """Standard deviation of the noise of the sensors of the user's own recording: a number in the
-    unit of what they read, or a share of the standard deviation of their readings such as 5%. One
-    for all sensors, or by name of a sensor or of what it reads. It overrides the table of sensors;
-    what neither states is estimated from the readings."""
+    unit of what they read, or a share of the standard deviation of their readings such as 5%. A
+    noise that depends on the reading is ``5% of reading``, ``0.01 + 5% of reading`` (both parts are
+    independent), or ``counts``, whose variance is their mean. One for all sensors, or by name of a
+    sensor or of what it reads. It overrides the table of sensors; what neither states is estimated
+    from the readings."""
+
+    calibration: Any
+    """Sensors of the user's own recording that are not calibrated: they read ``gain*y + offset`` of
+    the quantity y. By name of a sensor or of what it reads, such as
+    ``S1: {gain: 0.1, offset: fitted}``. A number is the spread of the gain about 1, or of the
+    offset about 0; ``fitted`` means that nothing is known; ``{value: 12, spread: 2}`` gives another
+    value. They are fitted together with the state, and such a sensor is not held out."""
+
+    average: Any
+    """Time over which sensors of the user's own recording average, up to the time of the sample:
+    a number in the system's time, or ``interval`` for the time since the sample before. One for all
+    sensors, or by name of a sensor or of what it reads. Null for instantaneous readings."""
 
     every: Time | None
     """Step between samples. Twins are sampled at this step; finer recordings are resampled to it.

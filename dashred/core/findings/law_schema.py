@@ -81,7 +81,9 @@ class FittedParameter(TypedDict):
     `stated` and `spread` are its prior: mean and standard deviation. `value` is the fitted value,
     `std` its standard deviation, and `ci95` its 95 % interval. `aliases` are other parameters whose
     change has the same effect. The value is `exact`, or else correct to first order. `unit` is the
-    stated unit, if any.
+    stated unit, if any. A fitted gain or offset of a sensor has the name of the `sensor`, a
+    fitted delay that of the `input`, and a parameter with a value per episode that of the
+    `episode`.
     """
 
     parameter: str
@@ -93,6 +95,9 @@ class FittedParameter(TypedDict):
     aliases: list[str]
     exact: bool
     unit: NotRequired[str]
+    sensor: NotRequired[str]
+    episode: NotRequired[str]
+    input: NotRequired[str]
 
 
 class AlternativeTerm(TypedDict):

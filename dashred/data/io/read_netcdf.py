@@ -289,10 +289,18 @@ def _sensors(dataset: xr.Dataset, names: list[str], stated: StatedUnits, path: s
     places = [
         _converted(dataset, axis.name, ("sensor",), axis.name, stated, path) for axis in system.axes
     ]
+    widths = [
+        _converted(dataset, column, ("sensor",), axis.name, stated, path)
+        if (column := f"{axis.name}_width") in dataset.variables
+        else np.zeros(len(names))
+        for axis in system.axes
+    ]
     sensors = []
     for index, name in enumerate(names):
+        region = tuple(float(width[index]) for width in widths)
         position = tuple(float(place[index]) for place in places)
         std = None if math.isnan(stds[index]) else float(stds[index])
-        sensors.append(Sensor(name, reads[index], position, std))
+        widened = region if any(region) else ()
+        sensors.append(Sensor(name, reads[index], position, std, widths=widened))
         check_sensor(sensors[-1], system, path)
     return sensors

@@ -60,6 +60,10 @@ def recording_dataset(
         axes[index]: ("sensor", [sensor.position[index] for sensor in sensors], of(axes[index]))
         for index in range(len(sensors[0].position))
     }
+    if any(sensor.widths for sensor in sensors):
+        for index, axis in enumerate(places.copy()):
+            wide = [sensor.widths[index] if sensor.widths else 0.0 for sensor in sensors]
+            places[f"{axis}_width"] = ("sensor", wide, of(axis))
     stds = [math.nan if sensor.std is None else sensor.std for sensor in sensors]
     clocks = {"time": [part.times for part in parts]}
     if inputs:

@@ -23,30 +23,41 @@ class NoiseModel:
         correlation: ρ of each sensor between neighbouring samples, ``(sensor,)``.
         available: whether a sample is available, ``(time, sensor)``; the sequence restarts after
             a gap.
+        relative: σ of every sample as a factor of its sensor's σ, ``(time, sensor)``; None for 1.
+        at_stop: which samples are at the stop of a sensor, and say nothing of its noise,
+            ``(time, sensor)``; None without any.
     """
 
     std: Tensor
     correlation: Tensor
     available: Tensor
+    relative: Tensor | None = None
+    at_stop: Tensor | None = None
 
     @property
     def count(self) -> int:
-        """Number of available samples."""
-        return int(self.available.sum())
+        """Number of available samples that are not at a stop."""
+        return int(self._noisy.sum())
 
     @property
     def effective_count(self) -> float:
         """Effective number of independent samples: ``Σ n (1-ρ)/(1+ρ)`` over the sensors."""
         shares = (1 - self.correlation) / (1 + self.correlation)
-        return float(self.available.sum(dim=0).double() @ shares)
+        return float(self._noisy.sum(dim=0).double() @ shares)
 
     def truncate(self, samples: int) -> NoiseModel:
         """Return the model of the first samples."""
-        return replace(self, available=self.available[:samples])
+        return self.part(slice(samples))
+
+    def part(self, samples: slice) -> NoiseModel:
+        """Return the model of some samples."""
+        relative = None if self.relative is None else self.relative[samples]
+        at_stop = None if self.at_stop is None else self.at_stop[samples]
+        return NoiseModel(self.std, self.correlation, self.available[samples], relative, at_stop)
 
     def whiten(self, values: Float[Tensor, "*batch time sensor"]) -> Tensor:
         """Return values whitened to independent noise of variance 1; missing ones are zero."""
-        scaled = torch.where(self.available, values, 0.0) / self.std
+        scaled = torch.where(self.available, values, 0.0) / self.stds
         rho = self.correlation
         if not rho.any():
             return scaled
@@ -76,18 +87,29 @@ class NoiseModel:
         """
         std, correlation = self.std.clone(), torch.zeros_like(self.std)
         left = max(1.0 - parameters / max(1, self.count), 0.1)
-        squares = torch.where(self.available, residuals / self.std, 0.0).square()
+        noisy = self._noisy
+        squares = torch.where(noisy, residuals / self.stds, 0.0).square()
+        resized = residuals if self.relative is None else residuals / self.relative
         for group in dict.fromkeys(groups):
             in_group = torch.tensor([g == group for g in groups])
-            if not self.available[:, in_group].any():
+            if not noisy[:, in_group].any():
                 continue
-            mean = float(squares[:, in_group].sum() / self.available[:, in_group].sum())
+            mean = float(squares[:, in_group].sum() / noisy[:, in_group].sum())
             if not math.isfinite(mean):
                 continue
             std[in_group] *= max(math.sqrt(mean / left), 1e-12)
-            scaled = residuals[:, in_group] / std[in_group]
-            correlation[in_group] = _lag_one(scaled, self.available[:, in_group])
-        return NoiseModel(std, correlation, self.available)
+            scaled = resized[:, in_group] / std[in_group]
+            correlation[in_group] = _lag_one(scaled, noisy[:, in_group])
+        return replace(self, std=std, correlation=correlation)
+
+    @property
+    def _noisy(self) -> Tensor:
+        return self.available if self.at_stop is None else self.available & ~self.at_stop
+
+    @property
+    def stds(self) -> Tensor:
+        """σ of every sample, ``(time, sensor)`` or ``(sensor,)``."""
+        return self.std if self.relative is None else self.std * self.relative
 
 
 def _lag_one(scaled: Float[Tensor, "time sensor"], available: Tensor) -> float:

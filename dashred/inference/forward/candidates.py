@@ -111,7 +111,7 @@ def build_candidates(
         Candidate(str(term), term.equation, resolved_let_term(system, term), 1.0)
         for term in let_terms
     ]
-    found = [c for c in parameters if c.terms] + terms + shared
+    found = [c for c in parameters if c.terms or c.prior] + terms + shared
     columns = torch.stack([_column(system, c, nominal, t) for c in found])
     sizes = columns.norm(dim=1)
     independent: list[int] = []
@@ -198,6 +198,8 @@ def _column(system: System, candidate: Candidate, states: Tensor, t: float | Ten
     own = [Term(f, system.equations[f]) for f in system.fields]
     rms = evaluate_terms(system, own, states, t).flatten(1).square().mean(dim=1).sqrt()
     columns = torch.zeros((len(system.fields), states[:, 0].numel()), dtype=torch.float64)
+    if not candidate.terms:
+        return columns.flatten()
     found = evaluate_terms(system, candidate.terms, states, t).flatten(1)
     for term, column in zip(candidate.terms, found, strict=True):
         index = system.fields.index(term.equation)

@@ -4,7 +4,7 @@ It is composed of blocks with unknowns of their own::
 
     u(0) = u₀(z)                                    start
     ∂u/∂t = N(u; p) + Σ ξ θ(u) + f(x, t)            simulator, parameters, law, forcing
-    y = H u + errors                                sensors
+    y = H(u; p) + errors                            sensors
 
 The unknowns are z of the start and of uncertain parameters p, and one vector of coefficients: those
 of the law, then those of the forcing, then those of the sensor errors. Every array has an episode
@@ -130,7 +130,20 @@ class ForwardModel:
 
     def readings(self, z: Tensor, xi: Tensor) -> Float[Tensor, "batch time sensor"]:
         """Return the readings; they are not finite after a blow-up."""
-        return self.sensors.read(self.states(z, xi), xi[:, self.slices.errors])
+        states = self.states(z, xi)
+        exact = self.observe(states, self._tendency_unknowns(z, xi))
+        return self.sensors.with_errors(exact, states, xi[:, self.slices.errors])
+
+    def observe(self, states: Tensor, unknowns: Tensor, first: int = 0) -> Tensor:
+        """Return the readings without sensor errors, ``(batch, time, sensor)``.
+
+        Args:
+            states: ``(batch, time, episode, field, *grid)``.
+            unknowns: of the parameters and the law, ``(batch, unknown)``.
+            first: index of the first sample.
+        """
+        found = self.sensors.observe(states)
+        return found + self._effect(states, unknowns, first) if self._read_unknowns else found
 
     def linearise(
         self,
@@ -163,7 +176,8 @@ class ForwardModel:
         by_coefficients = jacobian[..., len(z) :]
         if self.sensors.errors:
             [states] = self.states(z[None], xi[None])
-            columns = self.sensors.columns(states, xi[self.slices.errors])
+            [exact] = self.observe(states[None], self._tendency_unknowns(z, xi)[None])
+            columns = self.sensors.columns(exact, states, xi[self.slices.errors])
             by_coefficients = torch.cat(
                 [by_coefficients, columns.to(by_coefficients.dtype)], dim=-1
             )
@@ -212,27 +226,58 @@ class ForwardModel:
             forcing.basis if forcing else None,
             tendency.compiled_weights(simulator, unknowns),
         )
-        found = []
-        for block in blocks:
-            found.append(self._observe(*block))
+        found: list[Tensor] = []
+        for states, tangents in blocks:
+            first = sum(map(len, found))
+            found.append(self._observe(states, tangents, unknowns, first))
             deadline.check()
         columns = torch.cat(found)
         columns[..., size : len(z)] *= stds.to(columns.dtype)
         return columns
 
-    def _observe(self, states: Tensor, tangents: Tensor) -> Tensor:
-        """Return the derivative ``H'(u) w``, ``(sample, sensor, column)``.
+    @property
+    def _read_unknowns(self) -> list[int]:
+        """Which unknowns of the parameters and the law the sensors depend on."""
+        read = self.sensors.parameters
+        return read.index(self._tendency.candidates) if read else []
+
+    def _effect(self, states: Tensor, unknowns: Tensor, first: int) -> Tensor:
+        """Return what changes of the parameters add to readings; see :meth:`observe`."""
+        slopes = self._by_parameter(states, first)
+        changes = unknowns[:, None, self._read_unknowns, None].to(slopes.dtype)
+        return (slopes @ changes)[..., 0]
+
+    def _by_parameter(self, states: Tensor, first: int) -> Tensor:
+        """Return ``∂H/∂p``, ``(batch, time, sensor, parameter)``; see :meth:`observe`."""
+        candidates, read = self._tendency.candidates, self.sensors.parameters
+        assert read is not None
+        names = [candidates[j].name for j in self._read_unknowns]
+        return read.columns(names, states, self.times[first : first + states.shape[1]])
+
+    def _observe(self, states: Tensor, tangents: Tensor, unknowns: Tensor, first: int) -> Tensor:
+        """Return the derivative ``H'(u) w``, ``(sample, sensor, column)``, with ``∂H/∂p`` added.
 
         Args:
             states: u, ``(sample, episode, field, *grid)``.
             tangents: w, ``(sample, column, episode, field, *grid)``.
+            unknowns: of the parameters and the law, ``(unknown,)``.
+            first: index of the first sample.
         """
         largest = tangents.abs().flatten(2).amax(dim=2).clamp(min=1e-300)
         size = DIFFERENCE * states.abs().flatten(1).amax(dim=1, keepdim=True) / largest
         states = states[:, None]
         moved = states + size.reshape(*size.shape, *(1,) * (states.dim() - 2)) * tangents
         difference = self.sensors.observe(moved) - self.sensors.observe(states)
-        return (difference / size[..., None]).transpose(1, 2)
+        if not (chosen := self._read_unknowns):
+            return (difference / size[..., None]).transpose(1, 2)
+        # The columns are the batch of the observation.
+        moved, states = moved.transpose(0, 1), states.transpose(0, 1)
+        effects = [self._effect(each, unknowns[None], first) for each in (moved, states)]
+        difference = difference + (effects[0] - effects[1]).transpose(0, 1)
+        columns = (difference / size[..., None]).transpose(1, 2).contiguous()
+        [slopes] = self._by_parameter(states, first)
+        columns[..., [self.start.size + j for j in chosen]] += slopes.to(columns.dtype)
+        return columns
 
     def _differences(self, z: Tensor, xi: Tensor) -> Tensor:
         """Return the Jacobian by central differences."""
@@ -240,7 +285,8 @@ class ForwardModel:
         steps = DIFFERENCE * torch.cat([torch.ones_like(z), scales, torch.zeros_like(errors)])
         moves = torch.diag(steps)[: len(z) + len(scales)]
         moved = torch.cat([z, xi]) + torch.cat([moves, -moves])
-        found = self.sensors.observe(self.states(moved[:, : len(z)], moved[:, len(z) :]))
+        rows = moved[:, : len(z)], moved[:, len(z) :]
+        found = self.observe(self.states(*rows), self._tendency_unknowns(*rows))
         ahead, behind = found.split(len(moves))
         steps = steps[: len(moves), None, None]
         return ((ahead - behind) / (2 * steps)).permute(1, 2, 0)

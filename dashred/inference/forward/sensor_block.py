@@ -11,6 +11,7 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
+from dashred.inference.forward.read_parameters import ReadParameters
 from dashred.physics.system import System
 
 # As shares of the axis length: the prior std of a position error, the step of its finite
@@ -96,7 +97,8 @@ class PositionErrors:
         """Return the readings with this sensor at ``x + δ``, ``(batch, time, sensor)``."""
         found = exact.clone()
         for row, path, delta in zip(found, states, unknowns, strict=True):
-            row[:, self.indices] = self.at(path, delta[None])[..., 0]
+            moved, stated = self.at(path, torch.stack([delta, 0 * delta])).unbind(-1)
+            row[:, self.indices] += moved - stated
         return found
 
     def columns(self, exact: Tensor, states: Tensor, unknowns: Tensor) -> Tensor:
@@ -149,11 +151,13 @@ class SensorBlock:
         operator: H of the sensors of one episode.
         episodes: number of episodes; readings are ordered episode after episode.
         errors: errors of different sensors, each with unknowns of its own.
+        parameters: uncertain parameters that the sensors depend on; None without any.
     """
 
     operator: ObservationOperator
     episodes: int = 1
     errors: tuple[SensorErrors, ...] = ()
+    parameters: ReadParameters | None = None
 
     @property
     def count(self) -> int:
@@ -174,28 +178,28 @@ class SensorBlock:
         """Return ``H u``, ``(…, episode·sensor)``, for states ``(…, episode, field, *grid)``."""
         return _by_episode(self.operator, states).flatten(-2)
 
-    def read(self, states: Tensor, unknowns: Tensor) -> Tensor:
-        """Return the readings with sensor errors, ``(batch, time, episode·sensor)``.
+    def with_errors(self, exact: Tensor, states: Tensor, unknowns: Tensor) -> Tensor:
+        """Return readings with sensor errors, ``(batch, time, episode·sensor)``.
 
         Args:
+            exact: the readings without errors.
             states: ``(batch, time, episode, field, *grid)``.
             unknowns: unknowns of the errors, ``(batch, unknown)``.
         """
-        found = self.observe(states)
         for each, own in zip(self.errors, self._split(unknowns), strict=True):
-            found = each.apply(found, states, own)
-        return found
+            exact = each.apply(exact, states, own)
+        return exact
 
-    def columns(self, states: Tensor, unknowns: Tensor) -> Tensor:
+    def columns(self, exact: Tensor, states: Tensor, unknowns: Tensor) -> Tensor:
         """Return the derivative of the readings of one run by the unknowns of the errors.
 
         The result is ``(time, sensor, unknown)``.
 
         Args:
+            exact: the readings without errors, ``(time, sensor)``.
             states: ``(time, episode, field, *grid)``.
             unknowns: unknowns of the errors, ``(unknown,)``.
         """
-        exact = self.observe(states)
         blocks = [
             each.columns(exact, states, own)
             for each, own in zip(self.errors, self._split(unknowns), strict=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from dashred.core.findings.law_schema import FittedParameter
 from dashred.inference.fit import law as fit
 from dashred.inference.fit.law import Z95, Law
@@ -13,15 +15,27 @@ from dashred.physics.system import System
 SETTLED = 0.5
 
 
-def fitted_parameters(system: System, law: Law) -> list[FittedParameter]:
+def fitted_parameters(
+    system: System, law: Law, described: Mapping[str, Mapping[str, str]] | None = None
+) -> list[FittedParameter]:
     """Return ``findings["fitted_parameters"]``: one entry for each uncertain parameter.
 
     Args:
         system: the simulator, about whose parameters the law is linearised.
         law: with the fitted parameters.
+        described: the ``sensor``, ``input`` or ``episode`` of parameters that belong to one.
     """
-    changes = exact_changes(system, law)
-    return [_entry(system, each, changes) for each in law.parameters]
+    changes, known = exact_changes(system, law), described or {}
+    found = [_entry(system, each, changes) for each in law.parameters]
+    for each in found:
+        own = known.get(each["parameter"], {})
+        if "input" in own:
+            each["input"] = own["input"]
+        if "sensor" in own:
+            each["sensor"] = own["sensor"]
+        if "episode" in own:
+            each["episode"] = own["episode"]
+    return found
 
 
 def exact_changes(system: System, law: Law) -> dict[str, float]:

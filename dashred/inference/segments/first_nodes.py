@@ -48,7 +48,7 @@ def first_nodes(
 def _read(simulator: SegmentSimulator, sensors: StateSensors, field: int) -> Array:
     """Return the mean reading of a field at every node, gaps bridged by straight lines."""
     segments, found = simulator.segments, np.empty(simulator.segments.count)
-    columns = segments.readings[:, :, sensors.fields == field]
+    columns = sensors.fields_of(segments.readings)[:, :, sensors.fields == field]
     count = np.isfinite(columns).sum(axis=-1)
     mean = np.nansum(columns, axis=-1) / np.maximum(count, 1)
     for episode in range(int(segments.episode[-1]) + 1):

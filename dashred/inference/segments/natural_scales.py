@@ -35,12 +35,12 @@ def field_sizes(segments: Segments, sensors: StateSensors, unread: Array) -> Arr
     Args:
         segments: of the record.
         sensors: what they read.
-        unread: of the fields that no sensor reads as they are, ``(field,)``.
+        unread: of the fields that no sensor reads, ``(field,)``.
     """
-    found = unread.copy()
+    found, values = unread.copy(), sensors.fields_of(segments.readings)
     for sensor, field in enumerate(sensors.fields.tolist()):
         if field >= 0:
-            found[field] = max(float(np.nanstd(segments.readings[:, :, sensor])), 1e-12)
+            found[field] = max(float(np.nanstd(values[:, :, sensor])), 1e-12)
     return found
 
 
@@ -64,11 +64,12 @@ def natural_scales(
         size: standard deviation of every field, ``(field,)``.
     """
     segments = simulator.segments
+    values = sensors.fields_of(segments.readings)
     rates, terms, equations, owners = simulator.tendencies(nodes, candidates)
     rate = np.sqrt(np.square(rates).mean(axis=0))
     for sensor, field in enumerate(sensors.fields.tolist()):
         if field >= 0:
-            slopes = _slopes(segments, segments.readings[:, :, sensor])
+            slopes = _slopes(segments, values[:, :, sensor])
             rate[field] = max(rate[field], float(np.sqrt(np.nanmean(np.square(slopes)))))
     rate = np.maximum(rate, 1e-9 * size / segments.span)
     # A parameter may touch several equations: the one that it moves most decides.

@@ -152,6 +152,11 @@ class SegmentSimulator:
             rates, _, terms = tendency.linearise(nodes, xi, self._clock(0, 0))
         return rates, terms, tendency.equations, tendency.owners
 
+    @cached_property
+    def samples(self) -> dict[str, Array]:
+        """Time and inputs at every sample, ``(segment, sample)`` each."""
+        return self._clock_at(self.segments.times)
+
     def forecast(self, node: Array, segment: int) -> Array:
         """Return the state at the end of one segment, ``(field,)``, without any candidate."""
         alone = self._with(self.segments.only(segment), self.substeps)
@@ -182,6 +187,7 @@ class SegmentSimulator:
         ]
 
     def _clock_at(self, t: Array) -> dict[str, Array]:
+        """Return time and inputs at times ``(segment, …)``."""
         found = {"t": t}
         for episode, system in enumerate(self.systems):
             mine = self.segments.episode == episode

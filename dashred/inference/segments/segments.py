@@ -28,11 +28,15 @@ class Segments:
         readings: ``(segment, 1 + interval, sensor)``; NaN where missing, and at the last sample,
             which the next segment has, except in the last segment of an episode.
         episode: of each segment, ``(segment,)``.
+        relative: σ of every reading as a factor of its sensor's σ, like the readings; or 1.
+        at_stop: which readings are at the stop of a sensor, like the readings; None without any.
     """
 
     times: Array
     readings: Array
     episode: NDArray[np.intp]
+    relative: Array | float = 1.0
+    at_stop: NDArray[np.bool_] | None = None
 
     @cached_property
     def available(self) -> NDArray[np.bool_]:
@@ -58,7 +62,11 @@ class Segments:
     def only(self, segment: int) -> Segments:
         """Return one segment alone."""
         chosen = slice(segment, segment + 1)
-        return Segments(self.times[chosen], self.readings[chosen], self.episode[chosen])
+        at_stop = None if self.at_stop is None else self.at_stop[chosen]
+        relative = self.relative if isinstance(self.relative, float) else self.relative[chosen]
+        return Segments(
+            self.times[chosen], self.readings[chosen], self.episode[chosen], relative, at_stop
+        )
 
     def join(self, values: Array, episode: int) -> Array:
         """Return values of one episode's segments one after the other, ``(time, …)``.
@@ -78,8 +86,9 @@ class Segments:
 
     @cached_property
     def seen(self) -> int:
-        """Number of readings."""
-        return int(self.available.sum())
+        """Number of readings that are not at a stop."""
+        noisy = self.available if self.at_stop is None else self.available & ~self.at_stop
+        return int(noisy.sum())
 
     @property
     def span(self) -> float:
@@ -87,13 +96,23 @@ class Segments:
         return float(np.median(self.times[:, -1] - self.times[:, 0]))
 
 
-def cut(times: Sequence[Array], readings: Sequence[Array], samples: int = SAMPLES) -> Segments:
+def cut(
+    times: Sequence[Array],
+    readings: Sequence[Array],
+    samples: int = SAMPLES,
+    relative: Sequence[Array | None] = (),
+    at_stop: Sequence[Array | None] = (),
+) -> Segments:
     """Return the segments of some episodes.
 
     Args:
         times: clock of each episode, ``(time,)``.
         readings: of each, ``(time, sensor)``; NaN where missing.
         samples: from one node to the next; more if there would be too many segments.
+        relative: σ of every reading as a factor of its sensor's σ, ``(time, sensor)`` by episode;
+            None for 1.
+        at_stop: 1 for readings at the stop of a sensor, else 0, ``(time, sensor)`` by episode; None
+            without any.
     """
     total = sum(map(len, times))
     intervals = max(samples, -(-total // LARGEST_COUNT))
@@ -102,7 +121,30 @@ def cut(times: Sequence[Array], readings: Sequence[Array], samples: int = SAMPLE
         for episode, (clock, values) in enumerate(zip(times, readings, strict=True))
     ]
     clocks, found, owners = zip(*parts, strict=True)
-    return Segments(np.concatenate(clocks), np.concatenate(found), np.concatenate(owners))
+    sizes, stops = (_cut_beside(times, readings, each, intervals) for each in (relative, at_stop))
+    return Segments(
+        np.concatenate(clocks),
+        np.concatenate(found),
+        np.concatenate(owners),
+        1.0 if sizes is None else np.nan_to_num(sizes, nan=1.0),
+        None if stops is None else stops == 1,
+    )
+
+
+def _cut_beside(
+    times: Sequence[Array],
+    readings: Sequence[Array],
+    values: Sequence[Array | None],
+    intervals: int,
+) -> Array | None:
+    """Return values that belong to the readings, cut like these; None if there are none."""
+    known = [each for each in values if each is not None]
+    if not known:
+        return None
+    rows = [
+        _cut_episode(clock, own, intervals, 0)[1] for clock, own in zip(times, known, strict=True)
+    ]
+    return np.concatenate(rows)
 
 
 def _cut_episode(

@@ -1,16 +1,45 @@
-"""Sensors of an ODE system: expressions of the state, and their derivatives."""
+"""Sensors of an ODE system: expressions of state, inputs and parameters, and their derivatives.
+
+With changes c of the parameters that a sensor depends on::
+
+    y = h(x) + Σ_p c_p ∂h/∂p(x, t)
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from dashred.data.sensors import Sensor
+from dashred.inference.forward.candidates import Candidate
 from dashred.inference.segments.segments import Array
 from dashred.physics.backends.numpy_backend import Pointwise
+from dashred.physics.expressions.algebra import ZERO, Expr, Name, Number, add, multiply
 from dashred.physics.expressions.differentiate import differentiate
+from dashred.physics.parameter_sensitivity import reading_slopes
 from dashred.physics.system import System
+
+
+@dataclass(frozen=True)
+class ReadChanges:
+    """Changes of the parameters that sensors depend on.
+
+    Attributes:
+        names: of the parameters.
+        values: their changes, ``(parameter,)``.
+        places: index of each among all changes of the tendency, ``(parameter,)``.
+        clock: time and inputs of the states, with the shape of the samples.
+    """
+
+    names: tuple[str, ...] = ()
+    values: Array = field(default_factory=lambda: np.zeros(0))
+    places: tuple[int, ...] = ()
+    clock: Mapping[str, Array] = field(default_factory=dict)
+
+
+UNCHANGED = ReadChanges()
 
 
 class StateSensors:
@@ -18,7 +47,9 @@ class StateSensors:
 
     Attributes:
         names: of the sensors.
-        fields: index of the field that a sensor reads as it is, ``(sensor,)``; -1 for the others.
+        fields: index of the field that a sensor reads, up to gain and offset, ``(sensor,)``; -1 for
+            the others.
+        parameters: names of the parameters that a sensor depends on.
 
     Args:
         sensors: of the recording.
@@ -27,21 +58,102 @@ class StateSensors:
 
     def __init__(self, sensors: Sequence[Sensor], system: System) -> None:
         self.names = tuple(sensor.name for sensor in sensors)
-        names = list(system.fields)
-        reads = [system.resolve(system.parse(s.reads, s.reads), s.reads) for s in sensors]
-        self._states = names
-        self._values = Pointwise(reads)
-        self._slopes = Pointwise([differentiate(expr, name) for expr in reads for name in names])
-        self.fields = np.array([names.index(s.reads) if s.reads in names else -1 for s in sensors])
+        self._states = list(system.fields)
+        self._reads = [system.resolve(system.parse(s.reads, s.reads), s.reads) for s in sensors]
+        self._by_parameter = [
+            {
+                name: system.resolve(slope, sensor.reads)
+                for name, slope in reading_slopes(system, sensor.quantities).items()
+            }
+            for sensor in sensors
+        ]
+        self.parameters = frozenset(name for slopes in self._by_parameter for name in slopes)
+        self._compiled: dict[tuple[str, ...], tuple[Pointwise, Pointwise, Pointwise]] = {}
+        found = [_affine(expr, self._states) for expr in self._reads]
+        self.fields = np.array([place for place, _, _ in found])
+        self._gains = np.array([gain for _, gain, _ in found])
+        self._offsets = np.array([offset for _, _, offset in found])
 
-    def read(self, states: Array) -> Array:
+    def fields_of(self, readings: Array) -> Array:
+        """Return readings ``(…, sensor)`` as values of the field that each sensor reads."""
+        found: Array = (readings - self._offsets) / self._gains
+        return found
+
+    def changes(
+        self, candidates: Sequence[Candidate], xi: Array, clock: Mapping[str, Array]
+    ) -> ReadChanges:
+        """Return the changes that the sensors see, of all changes of the tendency.
+
+        Args:
+            candidates: terms and parameters.
+            xi: their coefficients, ``(candidate,)``.
+            clock: time and inputs of the states that will be read.
+        """
+        places = [
+            j
+            for j, candidate in enumerate(candidates)
+            if candidate.equation is None and candidate.name in self.parameters
+        ]
+        names = tuple(candidates[j].name for j in places)
+        return ReadChanges(names, xi[places], tuple(places), clock) if names else UNCHANGED
+
+    def read(self, states: Array, changes: ReadChanges = UNCHANGED) -> Array:
         """Return readings ``(…, sensor)`` of states ``(…, field)``."""
-        return np.moveaxis(self._values(self._named(states), states.shape[:-1]), 0, -1)
+        return self._evaluate(0, states, changes)
 
-    def slopes(self, states: Array) -> Array:
+    def slopes(self, states: Array, changes: ReadChanges = UNCHANGED) -> Array:
         """Return the derivatives of the readings, ``(…, sensor, field)``."""
-        found = self._slopes(self._named(states), states.shape[:-1])
-        return np.moveaxis(found, 0, -1).reshape(*states.shape[:-1], -1, len(self._states))
+        found = self._evaluate(1, states, changes)
+        return found.reshape(*states.shape[:-1], -1, len(self._states))
 
-    def _named(self, states: Array) -> dict[str, Array]:
-        return dict(zip(self._states, np.moveaxis(states, -1, 0), strict=True))
+    def by_parameter(self, states: Array, changes: ReadChanges) -> Array:
+        """Return the derivatives by the changed parameters, ``(…, sensor, parameter)``."""
+        found = self._evaluate(2, states, changes)
+        return found.reshape(*states.shape[:-1], len(self.names), -1)
+
+    def _evaluate(self, which: int, states: Array, changes: ReadChanges) -> Array:
+        named = dict(zip(self._states, np.moveaxis(states, -1, 0), strict=True))
+        moved = {_symbol(p): v for p, v in zip(changes.names, changes.values, strict=True)}
+        functions = self._functions(changes.names)[which]
+        found = functions({**changes.clock, **named, **moved}, states.shape[:-1])
+        return np.moveaxis(found, 0, -1)
+
+    def _functions(self, parameters: tuple[str, ...]) -> tuple[Pointwise, Pointwise, Pointwise]:
+        """Return the readings, and their derivatives by fields and by parameters."""
+        if parameters not in self._compiled:
+            slopes = [[own.get(p, ZERO) for p in parameters] for own in self._by_parameter]
+            reads = [
+                add(
+                    [
+                        h,
+                        *(
+                            multiply((Name(_symbol(p)), s))
+                            for p, s in zip(parameters, own, strict=True)
+                        ),
+                    ]
+                )
+                for h, own in zip(self._reads, slopes, strict=True)
+            ]
+            self._compiled[parameters] = (
+                Pointwise(reads),
+                Pointwise([differentiate(expr, name) for expr in reads for name in self._states]),
+                Pointwise([slope for own in slopes for slope in own]),
+            )
+        return self._compiled[parameters]
+
+
+def _symbol(parameter: str) -> str:
+    """Return the name of the change of a parameter, which is not a name of the language."""
+    return f"change of {parameter}"
+
+
+def _affine(expr: Expr, fields: Sequence[str]) -> tuple[int, float, float]:
+    """Return the field x, a and b of ``a x + b``; -1, 1 and 0 for another function."""
+    slopes = [differentiate(expr, name) for name in fields]
+    moved = [j for j, slope in enumerate(slopes) if slope != ZERO]
+    if len(moved) != 1 or not isinstance(slope := slopes[moved[0]], Number):
+        return -1, 1.0, 0.0
+    rest = add([expr, multiply((Number(-slope.value), Name(fields[moved[0]])))])
+    if rest != ZERO and not isinstance(rest, Number):
+        return -1, 1.0, 0.0
+    return moved[0], float(slope.value), 0.0 if rest == ZERO else float(rest.value)

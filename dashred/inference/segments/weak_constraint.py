@@ -24,7 +24,7 @@ from dashred.inference.segments.block_tridiagonal import BlockNormal
 from dashred.inference.segments.point import Linearisation, Point
 from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import Array, Segments
-from dashred.inference.segments.state_sensors import StateSensors
+from dashred.inference.segments.state_sensors import ReadChanges, StateSensors
 from dashred.inference.segments.walks import NO_WALKS, Walks
 
 
@@ -73,6 +73,11 @@ class WeakConstraintProblem:
         """Number of candidates."""
         return len(self.candidates)
 
+    @property
+    def noise_stds(self) -> Array:
+        """σ of every reading, ``(segment, sample, sensor)`` or ``(sensor,)``."""
+        return self.noise_std * self.segments.relative
+
     def with_weights(self, model_error: Array, prior_std: Array) -> WeakConstraintProblem:
         """Return F with other q and d."""
         return replace(self, model_error=model_error, prior_std=prior_std)
@@ -97,9 +102,14 @@ class WeakConstraintProblem:
         force = self.walks.forces(point.walked, self.simulator.fields)
         return self.simulator.run(point.nodes, *self.changes(point, members), force)
 
-    def read(self, states: Array, point: Point) -> Array:
+    def read(self, states: Array, point: Point, members: Sequence[int]) -> Array:
         """Return readings of states, with sensor errors, ``(segment, sample, sensor)``."""
-        return self.sensors.read(states) + self.walks.errors(self.segments, point.walked)
+        exact = self.sensors.read(states, self._read_changes(point, members))
+        return exact + self.walks.errors(self.segments, point.walked)
+
+    def _read_changes(self, point: Point, members: Sequence[int]) -> ReadChanges:
+        """Return the changes of parameters that sensors depend on."""
+        return self.sensors.changes(*self.changes(point, members), self.simulator.samples)
 
     def cost(self, point: Point, members: Sequence[int]) -> float:
         """Return F with some members alone; infinite where a segment blows up."""
@@ -107,7 +117,7 @@ class WeakConstraintProblem:
         if not np.isfinite(states).all():
             return np.inf
         with np.errstate(over="ignore", invalid="ignore"):
-            found = self._misfit(states, point) + self._penalty(point, members)
+            found = self._misfit(states, point, members) + self._penalty(point, members)
         return found if np.isfinite(found) else np.inf
 
     def linearise(self, point: Point, members: Sequence[int]) -> BlockNormal | None:
@@ -128,7 +138,11 @@ class WeakConstraintProblem:
         before, inner = fields + len(walks.forced), fields + walks.count
         still = np.zeros((*columns.shape[:-1], inner - before))
         columns = np.concatenate([columns[..., :before], still, columns[..., before:]], axis=-1)
-        readings = self.sensors.slopes(states) @ columns
+        changes = self._read_changes(point, members)
+        readings = self.sensors.slopes(states, changes) @ columns
+        if changes.names:
+            places = inner + np.array(changes.places)
+            readings[..., places] += self.sensors.by_parameter(states, changes)
         readings[..., fields:inner] += walks.error_slopes(segments)
         ahead = np.zeros((segments.count, inner, columns.shape[-1]))
         ahead[:, :fields] = columns[:, -1]
@@ -147,8 +161,10 @@ class WeakConstraintProblem:
         """
         segments, chosen = self.segments, list(members)
         fields, inner = self.simulator.fields, found.ahead.shape[1]
-        residuals = self._residuals(found.states, point)
-        own = np.where(segments.available[..., None], found.readings / self.noise_std[:, None], 0.0)
+        residuals = self._residuals(found.states, point, chosen)
+        own = np.where(
+            segments.available[..., None], found.readings / self.noise_stds[..., None], 0.0
+        )
         jacobian = own.reshape(segments.count, -1, own.shape[-1])
         flat = residuals.reshape(segments.count, -1, 1)
         hessian = jacobian.swapaxes(1, 2) @ jacobian
@@ -179,7 +195,7 @@ class WeakConstraintProblem:
         std = np.concatenate([self.prior_std[chosen], self.parameters.stds.numpy()])
         corner = hessian[:, inner:, inner:].sum(axis=0) + np.diag(std**-2)
         shared = gradient[:, inner:].sum(axis=0) - self._off_prior(point, chosen) / std
-        cost = self._misfit(found.states, point) + self._penalty(point, chosen)
+        cost = self._misfit(found.states, point, chosen) + self._penalty(point, chosen)
         return BlockNormal(diagonal, upper, border, corner, node_gradient, shared, cost, damped)
 
     @property
@@ -192,9 +208,9 @@ class WeakConstraintProblem:
         """Start std B of the fields, and τ_0 of the walks, ``(field + component,)``."""
         return np.concatenate([self.start_std, self.walks.first])
 
-    def _residuals(self, states: Array, point: Point) -> Array:
+    def _residuals(self, states: Array, point: Point, members: Sequence[int]) -> Array:
         """Return ``(H Φ + b - y)/σ``, ``(segment, sample, sensor)``; missing ones are zero."""
-        apart = (self.read(states, point) - self.segments.readings) / self.noise_std
+        apart = (self.read(states, point, members) - self.segments.readings) / self.noise_stds
         return np.where(self.segments.available, apart, 0.0)
 
     def _defects(self, states: Array, point: Point) -> Array:
@@ -212,9 +228,10 @@ class WeakConstraintProblem:
         found: Array = np.concatenate(off, axis=1) / self._first_std
         return found
 
-    def _misfit(self, states: Array, point: Point) -> float:
+    def _misfit(self, states: Array, point: Point, members: Sequence[int]) -> float:
         """Return the readings' and the defects' part of F."""
-        residuals, defects = self._residuals(states, point), self._defects(states, point)
+        residuals = self._residuals(states, point, members)
+        defects = self._defects(states, point)
         return float(np.square(residuals).sum() + np.square(defects).sum())
 
     def _off_prior(self, point: Point, members: Sequence[int]) -> Array:

@@ -21,6 +21,7 @@ from dashred.pipeline import equations
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.api.result import Result
 from dashred.pipeline.api.simulator import Simulator
+from dashred.pipeline.discovery.relinearisation import with_fitted_readings
 from dashred.pipeline.outputs import report
 from dashred.pipeline.outputs.figures import figures_of
 from dashred.pipeline.problem import Problem, build_problem
@@ -58,6 +59,7 @@ def _discover_with_equations(problem: Problem, seconds: dict[str, float]) -> Res
     if isinstance(analysis, Resolution):
         unresolved = verification.unresolved_findings(problem, analysis)
         return _unresolved_result(problem, unresolved, seconds)
+    problem = with_fitted_readings(problem, analysis.discovery.best)
     findings = verification.verify(problem, analysis)
     # What a notebook does with the result later has no bound.
     problem = replace(problem, budget=Budget())

@@ -21,9 +21,9 @@ from dashred.physics.system import System, Term
 from dashred.pipeline.problem import (
     Problem,
     build_problem,
-    with_readings_of_state,
 )
 from dashred.pipeline.read_recorded import read_recorded
+from dashred.pipeline.readings_of_state import readings_of_state
 
 # Random stream for sensor positions. It is separate from the twins' streams, so that a check says
 # nothing about the sensors of a twin.
@@ -94,7 +94,8 @@ def build_check_context(config: Config, recorded: Episodes | None = None) -> Che
     if recorded is None:
         recorded = read_recorded(config, System(config.system, config.where))
     problem = build_problem(config, recorded)
-    _, recorded, _ = with_readings_of_state(config, System(config.system, config.where), recorded)
+    bare = System(config.system, config.where)
+    recorded = readings_of_state(config, bare, recorded).episodes
     recordings = {episode.name: episode.recording for episode in recorded.episodes}
     return CheckContext(
         config,

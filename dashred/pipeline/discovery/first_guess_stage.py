@@ -14,6 +14,7 @@ from dashred.data.recording import Recording
 from dashred.inference.fit.first_window import first_samples, fit_first_window
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.forward.episodes import EpisodeStarts, stack_readings
+from dashred.inference.forward.read_parameters import read_parameters
 from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.initial_state.first_guesses import (
@@ -154,7 +155,9 @@ def _rmse(
 ) -> float:
     """Return the RMSE in σ over the first window; infinite if the run blows up."""
     samples = first_samples(objective)
-    sensors = SensorBlock(problem.operator(recordings[0]), len(recordings))
+    systems = [episode.system for episode in problem.episodes]
+    read = read_parameters(recordings[0].sensors, systems)
+    sensors = SensorBlock(problem.operator(recordings[0]), len(recordings), parameters=read)
     forward_model = replace(objective.forward_model.truncate(samples), sensors=sensors)
     [readings] = forward_model.readings(z[None], z.new_zeros((1, 0)))
     recorded = stack_readings([torch.from_numpy(part.values[:samples]) for part in recordings])

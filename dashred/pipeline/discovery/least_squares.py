@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
+from dashred.data.relative_noise import Array
+from dashred.data.saturation import Mask, at_stop
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.noise_model import NoiseModel
@@ -16,6 +18,7 @@ from dashred.inference.forward.episodes import stack_readings, stack_times
 from dashred.inference.forward.forward_model import ForwardModel
 from dashred.inference.forward.law_block import LawBlock
 from dashred.inference.forward.parameter_block import NO_PARAMETERS, ParameterBlock
+from dashred.inference.forward.read_parameters import read_parameters
 from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.initial_state.start_models import StartModel
@@ -73,7 +76,31 @@ def noise_share(problem: Problem) -> Tensor:
 def fit_noise(problem: Problem) -> NoiseModel:
     """Return the noise of the fit sensors before any fit."""
     std = for_each_episode(problem, problem.fit_noise_std())
-    return NoiseModel(std, torch.zeros_like(std), ~torch.isnan(_recorded(problem)))
+    recorded = _recorded(problem)
+    sizes = [e.relative_noise(e.split.fit) for e in problem.episodes]
+    stops = [at_stop(e.split.fit) for e in problem.episodes]
+    return NoiseModel(
+        std,
+        torch.zeros_like(std),
+        ~torch.isnan(recorded),
+        stack_samples(sizes, torch.ones_like(recorded)),
+        stack_samples(stops, torch.zeros_like(recorded, dtype=torch.bool)),
+    )
+
+
+def stack_samples(episodes: Sequence[Array | Mask | None], default: Tensor) -> Tensor | None:
+    """Return values of samples ``(time, sensor)`` by episode as ``(time, episode·sensor)``.
+
+    Args:
+        episodes: values of every episode; all or none are None, and then the result is None.
+        default: value after the end of an episode, ``(time, episode·sensor)``.
+    """
+    count = default.shape[1] // len(episodes)
+    for episode, each in enumerate(episodes):
+        if each is None:
+            return None
+        default[: len(each), episode * count : (episode + 1) * count] = torch.from_numpy(each)
+    return default
 
 
 def noise_of_sound_sensors(problem: Problem, law: Law) -> NoiseModel:
@@ -115,7 +142,9 @@ def build_least_squares(
             (docs/method.md#scales-and-priors).
     """
     episodes = problem.episodes
-    sensors = SensorBlock(problem.operator(problem.split.fit), len(episodes))
+    fit, systems = problem.split.fit, [episode.system for episode in episodes]
+    read = read_parameters(fit.sensors, systems)
+    sensors = SensorBlock(problem.operator(fit), len(episodes), parameters=read)
     times = stack_times([e.times[: len(e.split.fit.times)] for e in episodes])
     law = LawBlock(candidates)
     forward_model = ForwardModel(simulator, start, law, sensors, times)

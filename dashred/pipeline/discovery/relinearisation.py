@@ -1,13 +1,15 @@
 """Linearise the equations about the fitted values of uncertain parameters.
 
-Every fit uses ``∂N/∂p`` at the values in the system. Where the equations are not affine in the
-uncertain parameters, a search is repeated at the fitted values until these stay.
+Every fit uses ``∂N/∂p`` and ``∂H/∂p`` at the values in the system. Where the equations or the
+readings are not affine in the uncertain parameters, a search is repeated at the fitted values until
+these stay.
 """
 
 from __future__ import annotations
 
 from dashred.core.errors import InputError
-from dashred.inference.results.fitted_parameters import fitted_parameters
+from dashred.inference.fit.law import Law
+from dashred.inference.results.fitted_parameters import exact_changes, fitted_parameters
 from dashred.inference.segments.findings.segment_laws import law_from_segments
 from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.physics.parameter_sensitivity import acts_linearly
@@ -24,8 +26,10 @@ def about_fitted_parameters(problem: Problem, found: SegmentSearch) -> dict[str,
         problem: the problem that was searched.
         found: its laws.
     """
-    spreads, system = problem.config.system.parameter_spread, problem.system
-    if acts_linearly(system, spreads):
+    system = problem.system
+    spreads = system.config.parameter_spread
+    reads = {name for each in problem.quantities for name in each}
+    if not problem.delayed and acts_linearly(system, spreads, reads):
         return None
     fitted = fitted_parameters(system, law_from_segments(found, found.best))
     current = system.config.parameters
@@ -43,3 +47,18 @@ def about_fitted_parameters(problem: Problem, found: SegmentSearch) -> dict[str,
         # The equations are not finite there.
         return None
     return values
+
+
+def with_fitted_readings(problem: Problem, law: Law) -> Problem:
+    """Return the problem with sensors that have the fitted values of parameters.
+
+    Every method is then compared with the recording by the sensors as they were fitted.
+
+    Args:
+        problem: the problem that was searched.
+        law: the law that is told.
+    """
+    first_order = {each.candidate.name: each.change for each in law.parameters}
+    changes = first_order | exact_changes(problem.system, law)
+    known = problem.system.config.parameters
+    return problem.with_readings_at({name: known[name] + c for name, c in changes.items()})

@@ -5,6 +5,7 @@ from __future__ import annotations
 from copy import deepcopy
 from dataclasses import asdict
 from pathlib import Path
+from statistics import fmean
 from textwrap import wrap
 from typing import Any
 
@@ -14,11 +15,14 @@ from dashred.config import Config
 from dashred.config.layers import written_out
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.hidden_state_schema import HiddenStateFound
+from dashred.data.fitted_delays import delay_parameter
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.inference.results.explanation import terms_of_law
 from dashred.inference.results.fitted_parameters import fitted_parameters
 from dashred.inference.results.hidden_state import hidden_state
+from dashred.physics.boundaries.entries import offset_meanings
+from dashred.physics.expressions.algebra import names
 from dashred.physics.hidden_state import HiddenState, without_hidden_state
 from dashred.physics.system import System
 from dashred.reporting.text.fitted_parameters import TITLE, fitted_parameter_text
@@ -29,7 +33,18 @@ from dashred.reporting.wording.findings_text import law_text
 NAME = "corrected.yaml"
 # Keys that belong to one run or to one recording. The corrected system does not depend on them.
 RUN_KEYS = ("output", "tracking")
-RECORDING_KEYS = ("twin", "path", "sensors", "noise", "std", "duration", "ignore", "reads")
+RECORDING_KEYS = (
+    "twin",
+    "path",
+    "sensors",
+    "noise",
+    "std",
+    "duration",
+    "ignore",
+    "reads",
+    "average",
+    "calibration",
+)
 WIDTH = 96
 NO_TERM = "With the fitted parameters, the recording shows no missing term."
 
@@ -60,8 +75,10 @@ def write_corrected(
         for key, value in _sections_of(corrected, hidden, found).items():
             _put(values, ["system", key, hidden.name], value)
     values["system"]["equations"] = _Block(corrected.config.equations)
-    if corrected.config.let:
-        values["system"]["let"] = _Block(corrected.config.let)
+    # Lets and parameters that were added for the sensors belong to the recording.
+    stated = config.system
+    if lets := {n: text for n, text in corrected.config.let.items() if n in stated.let}:
+        values["system"]["let"] = _Block(lets)
     if config.system.integrator.dt is None:
         # The step was chosen from the recording, which this file does not name.
         _put(values, ["system", "integrator", "dt"], system.dt)
@@ -69,24 +86,45 @@ def write_corrected(
     values["system"].pop("class", None)
     # Uncertain parameters have their fitted values.
     values["system"].pop("parameter_spread", None)
+    values["system"].pop("parameter_per", None)
+    for name, given in stated.inputs.items():
+        if given.delay_spread:
+            delay = max(corrected.config.parameters[delay_parameter(name)], 0.0)
+            section = values["system"]["inputs"][name]
+            section.pop("delay_spread")
+            section["delay"] = float(f"{delay:.12g}")
     # The structure was declared for the uncorrected equations and would be refused with others.
     if _loses_structure(config, corrected):
         values["system"].pop("structure", None)
-    if corrected.config.parameters:
+    offsets = offset_meanings(corrected.config, corrected.where)
+    known = corrected.config.parameters
+    written = [
+        *stated.parameters,
+        *([hidden.constant] if hidden and found else []),
+        *(name for name in offsets if known[name] and name not in stated.parameters),
+    ]
+    if written:
         # This writes 0.035 + 0.01 as 0.045 and not as 0.045000000000000005.
-        rounded = {
-            name: float(f"{value:.12g}") for name, value in corrected.config.parameters.items()
-        }
+        rounded = {name: float(f"{_value(corrected, name):.12g}") for name in written}
         values["system"]["parameters"] = _Block(rounded)
     body = yaml.dump(values, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=WIDTH)
     header = _header(config, system, corrected, law, recording_sha256, remark, found)
     write_text_atomic(path, f"{header}\n{body}")
 
 
+def _value(corrected: System, name: str) -> float:
+    """Return the value of a parameter; the mean if it has one value per episode."""
+    known = corrected.config.parameters
+    if name in known:
+        return known[name]
+    return fmean(known[each] for each in names(corrected.lets[name]) & known.keys())
+
+
 def _loses_structure(config: Config, corrected: System) -> bool:
     """Return whether the law invalidates the declared structure."""
     old, new = config.system, corrected.config
-    is_changed = dict(new.equations) != dict(old.equations) or dict(new.let) != dict(old.let)
+    lets = {name: text for name, text in new.let.items() if name in old.let}
+    is_changed = dict(new.equations) != dict(old.equations) or lets != dict(old.let)
     return old.structure is not None and is_changed
 
 

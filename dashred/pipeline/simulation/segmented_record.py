@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dashred.data.saturation import at_stop
 from dashred.inference.segments.first_nodes import first_nodes
 from dashred.inference.segments.natural_scales import field_sizes
 from dashred.inference.segments.segment_simulator import SegmentSimulator
@@ -102,7 +103,10 @@ def _cut(problem: Problem, samples: int = SAMPLES) -> Segments:
     """Cut the fitted part of every episode."""
     fits = [(episode.times, episode.split.fit) for episode in problem.episodes]
     clocks = [times[: len(fit.times)].numpy() for times, fit in fits]
-    return cut(clocks, [fit.values for _, fit in fits], samples)
+    relative = [episode.relative_noise(episode.split.fit) for episode in problem.episodes]
+    stops = [at_stop(fit) for _, fit in fits]
+    masks = [None if each is None else each.astype(float) for each in stops]
+    return cut(clocks, [fit.values for _, fit in fits], samples, relative, masks)
 
 
 def _state_sensors(problem: Problem) -> StateSensors:
@@ -144,8 +148,7 @@ def restarted_where_lost(problem: Problem, start: Tensor, path: Tensor) -> tuple
     """
     segments, sensors = _cut(problem), _state_sensors(problem)
     scale = torch.from_numpy(_sizes(segments, sensors, start.numpy(), None))
-    reads = {sensor.reads for sensor in problem.split.fit.sensors}
-    known = torch.tensor([field in reads for field in problem.system.fields])
+    known = torch.tensor([j in sensors.fields for j in range(len(problem.system.fields))])
     away = (path - start).abs() / scale
     # NaN is not below the limit.
     inside = bool((away < torch.where(known, LOST, UNBOUNDED)).all())

@@ -9,10 +9,12 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from itertools import product
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
+from dashred.data.relative_noise import Array
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.least_squares import LeastSquaresProblem
@@ -34,6 +36,7 @@ from dashred.inference.sensor_faults.fault_table import (
 )
 from dashred.inference.sensor_faults.neighbours import has_neighbours
 from dashred.pipeline.analysis import Analysis
+from dashred.pipeline.discovery.least_squares import stack_samples
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.verification.sensor_noise import noise_of_sensors
 
@@ -119,7 +122,7 @@ def _problem_of_all_sensors(
     start = analysis.nominal.start
     if law.start_prior_factor > 1:
         start = ScaledStart(start, law.start_prior_factor)
-    operator = ObservationOperator(_all_sensors(problem), problem.system)
+    operator = ObservationOperator(_all_sensors(problem), problem.sensed)
     times = stack_times([e.times[: len(e.split.fit.times)] for e in episodes])
     forward_model = ForwardModel(
         Simulator(parts_of_simulator),
@@ -156,4 +159,22 @@ def _noise(
     faulty = {fault.sensor for fault in analysis.discovery.best.faults}
     for column, name in enumerate(names * episodes):
         available[:, column] &= name not in faulty
-    return NoiseModel(std.repeat(episodes), correlation.repeat(episodes), available)
+    sizes = [_relative_noise_of(episode) for episode in problem.episodes]
+    return NoiseModel(
+        std.repeat(episodes),
+        correlation.repeat(episodes),
+        available,
+        stack_samples(sizes, torch.ones_like(recorded)),
+    )
+
+
+def _relative_noise_of(episode: Problem) -> Array | None:
+    """Return the relative noise of all sensors over the fit window, ``(time, sensor)``."""
+    split, count = episode.split, len(episode.split.fit.times)
+    validated = split.validation.select(split.validate).samples(slice(count))
+    tested = split.tested.samples(slice(count))
+    found = [(part, episode.relative_noise(part)) for part in (split.fit, validated, tested)]
+    if all(sizes is None for _, sizes in found):
+        return None
+    ones = [np.ones_like(part.values) if sizes is None else sizes for part, sizes in found]
+    return np.concatenate(ones, axis=1)

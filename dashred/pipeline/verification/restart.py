@@ -67,7 +67,11 @@ def restart(
     values = torch.from_numpy(np.concatenate([fit.values, late.values]))
     noise = noise_of_sound_sensors(problem, law)
     sound = noise.available.any(dim=0)
-    noise = replace(noise, available=~values.isnan() & sound)
+    early_sizes, late_sizes = problem.relative_noise(fit), problem.relative_noise(late)
+    relative = None
+    if early_sizes is not None and late_sizes is not None:
+        relative = torch.from_numpy(np.concatenate([early_sizes, late_sizes]))
+    noise = replace(noise, available=~values.isnan() & sound, relative=relative)
     systems = {
         "simulation_refit": build_corrected_system(problem.system, nothing),
         "corrected": build_corrected_system(problem.system, law),
@@ -77,7 +81,7 @@ def restart(
     for begin in range(first, last, span):
         end = min(begin + span, last)
         known = slice(max(0, begin - max(FEWEST_FITTED, min(FIT_SAMPLES, span))), begin)
-        window = replace(noise, available=noise.available[known])
+        window = noise.part(known)
         start = _analog(problem, corrected, values[known], window)
         runs = {
             method: _forecast(problem, system, start, values[known], window, known.start, end)
@@ -111,7 +115,8 @@ def _analog(problem: Problem, path: Tensor, values: Tensor, noise: NoiseModel) -
     length = min(len(values), len(readings))
     residuals = readings.unfold(0, length, 1).movedim(-1, 1) - values[:length]
     seen = noise.available[:length]
-    misfits = torch.where(seen, residuals / noise.std, 0.0).square().sum(dim=(1, 2))
+    stds = noise.part(slice(length)).stds
+    misfits = torch.where(seen, residuals / stds, 0.0).square().sum(dim=(1, 2))
     return LinearStart(finite[int(misfits.argmin())], torch.diag(finite.std(dim=0, correction=0)))
 
 

@@ -127,8 +127,8 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         terms=terms_of_discovery(problem.system, discovered),
         fitted_parameters=[
             each
-            for each in fitted_parameters(problem.system, discovered.best)
-            if each["parameter"] in problem.config.system.parameter_spread
+            for each in fitted_parameters(problem.system, discovered.best, problem.described)
+            if problem.hidden is None or each["parameter"] != problem.hidden.constant
         ],
         hidden_state=hidden,
         alternatives=alternatives(discovered, problem.system),

@@ -60,6 +60,12 @@ def _remarks(fitted: FittedParameter) -> list[str]:
     name, spread = fitted["parameter"], fitted["spread"]
     distance = abs(fitted["value"] - fitted["stated"]) / spread
     remarks = []
+    if "episode" in fitted:
+        remarks.append(f"This is the value in episode {fitted['episode']}.")
+    if "input" in fitted:
+        remarks.append(f"This is the delay of the input {fitted['input']}.")
+    if "sensor" in fitted:
+        remarks.append(f"This calibrates the sensor {fitted['sensor']}.")
     if distance > FAR:
         size = number(float(f"{distance:.2g}"))
         remarks.append(f"This is {size} spreads from the stated value.")

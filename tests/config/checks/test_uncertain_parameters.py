@@ -32,6 +32,7 @@ def load(folder: Path, old: str, new: str) -> Config:
         ("1 - outflow", "1 - outflow - limit"),
         ("k*h", "k*max(h - limit, 0)"),
         ("outflow: k*h", "head: h - limit, outflow: k*head"),
+        ("outflow: k*h", "outflow: k*h, head: h - limit"),
     ],
 )
 def test_an_effect_may_come_through_lets(tmp_path: Path, old: str, new: str) -> None:
@@ -41,9 +42,8 @@ def test_an_effect_may_come_through_lets(tmp_path: Path, old: str, new: str) -> 
 @pytest.mark.parametrize(
     ("old", "new", "what"),
     [
-        ("h: 1}", "h: limit}", "limit has a spread, but no equation depends on it"),
-        ("outflow: k*h", "outflow: k*h, head: h - limit", "but no equation depends on it"),
-        ("1 - outflow", "limit - outflow - limit", "but no equation depends on it"),
+        ("h: 1}", "h: limit}", "limit has a spread, but no equation or let depends on it"),
+        ("1 - outflow", "limit - outflow - limit", "but no equation or let depends on it"),
         ("k*h", "k*h*step(h - limit)", "limit has a spread, but it only moves a jump"),
     ],
 )

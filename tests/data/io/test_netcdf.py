@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import re
+from dataclasses import replace
 
 import h5py  # type: ignore[import-untyped]
 import numpy as np
@@ -74,6 +75,17 @@ def test_positions_go_by_the_names_of_the_axes(make_system, tmp_path):
     write_netcdf(recording, tmp_path / "xy.nc")
     with pytest.raises(InputError, match="no variable 'r'"):
         read_recording(str(tmp_path / "xy.nc"), None, system)
+
+
+def test_regions_are_kept(ring, tmp_path):
+    sensors = (Sensor("a", "u", (0.5,), widths=(0.25,)), Sensor("b", "v", (1.5,), 0.1))
+    recording = Recording(sensors, np.arange(20.0), np.ones((20, 2)))
+    write_netcdf(recording, tmp_path / "r.nc")
+    read = read_recording(str(tmp_path / "r.nc"), None, ring)
+    assert read.sensors[0] == sensors[0]
+    assert read.sensors == sensors and read.sha256() == recording.sha256()
+    points = replace(recording, sensors=(replace(sensors[0], widths=()), sensors[1]))
+    assert points.sha256() != recording.sha256()
 
 
 def test_an_ode_recording_has_no_coordinates(ode, tmp_path):

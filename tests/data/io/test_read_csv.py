@@ -196,7 +196,18 @@ def test_a_bad_recording_is_refused_where_it_is_bad(ode, write, case):
     assert message in str(caught.value)
 
 
+def test_a_table_states_regions_and_noise_by_the_reading(ring, write):
+    table = "name,field,x,x_width,std\na,u,0.5,0.4,5% of reading\nb,v,1.5,,counts\n"
+    recording = read_recording(
+        write("r.csv", text(rows(header="time,a,b"))), write("s.csv", table), ring
+    )
+    first, second = recording.sensors
+    assert first.widths == (0.4,) and first.noise_law == (0.0, pytest.approx(0.05), 0.0)
+    assert second.widths == () and second.noise_law == (0.5, 0.0, 1.0)
+
+
 BAD_TABLES = {
+    "too wide": ("name,field,x,x_width\na,u,0.5,3\nb,v,1,\n", "x_width is 3"),
     "no x": ("name,field,std\na,u,1\n", "no column 'x'"),
     "unknown column": ("name,field,x,sdt\na,u,1,1\n", "did you mean std"),
     "no rows": ("name,field,x\n", "has no sensors"),

@@ -46,8 +46,8 @@ def test_a_wrong_condition_is_refused_with_its_place(make_system, ends, what, hi
     with pytest.raises(InputError) as caught:
         declared(make_system, ends)
     assert what in caught.value.what
-    assert hint is None or hint in caught.value.hint
-    assert "declared.yaml" in caught.value.where
+    assert hint is None or hint in str(caught.value.hint)
+    assert "declared.yaml" in str(caught.value.where)
 
 
 @pytest.mark.parametrize(

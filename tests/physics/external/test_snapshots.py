@@ -23,7 +23,7 @@ SHAPE = (3, 21, 8)
 
 def declared(ends: str = "periodic", fields: tuple[str, ...] = ("u",)) -> System:
     integrator = Integrator(None, None, False, "spectral", 1e-9, 1e-9)
-    axes = {"x": Axis(4.0, 8, ends)}  # type: ignore[arg-type]
+    axes = {"x": Axis(4.0, 8, ends)}
     meanings = dict.fromkeys(fields, "a field")
     return System(
         Declared(title="T", axes=axes, fields=meanings, integrator=integrator), lambda key: key

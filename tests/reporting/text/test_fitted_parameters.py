@@ -68,6 +68,9 @@ def changed(**values: Any) -> Any:
         (changed(exact=False), "R = 3.41 ± 0.05 ohm (stated 2.7 ± 1.0; to first order)."),
         (changed(aliases=["m"]), f"{VALUE}. A change of m has the same effect."),
         (changed(aliases=["m", "k"]), f"{VALUE}. A change of m or k has the same effect."),
+        (changed(sensor="S1"), f"{VALUE}. This calibrates the sensor S1."),
+        (changed(episode="day 2"), f"{VALUE}. This is the value in episode day 2."),
+        (changed(input="e"), f"{VALUE}. This is the delay of the input e."),
     ],
 )
 def test_a_value_stands_beside_what_was_stated(fitted: Any, line: str) -> None:

@@ -208,7 +208,7 @@ def _extended_texts(system: System) -> Iterator[str]:
     """Yield functions of each field, higher powers, and waves along each axis."""
     for f in system.fields:
         yield from (f"sign({f})", f"abs({f})*{f}", f"sqrt(abs({f}))*sign({f})")
-        yield from (f"{name}*{f}" for name in system.inputs)
+        yield from (f"{name}*{f}" for name in system.measured_inputs)
     for f in system.fields:
         yield from (f"{wave}({k}*{f})" for wave in ("sin", "cos") for k in (1, 2, 3))
         yield f"exp({f})"

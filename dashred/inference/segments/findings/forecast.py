@@ -72,11 +72,11 @@ def forecast(search: SegmentSearch, law: SegmentLaw, length: int) -> Forecast:
     for _ in range(length):
         states, origin = _one_segment_on(search, states, origin, candidates, xi)
     ahead = problem.simulator.run(states, candidates, xi)
-    apart = problem.read(ahead, point) - segments.readings
+    apart = problem.read(ahead, point, members) - segments.readings
     # Only forecasts from within the last part count.
     counts = late & (origin >= 0) & late[origin]
     # After a blow-up the forecast is NaN.
-    errors = np.where(np.isfinite(apart), apart / problem.noise_std, np.inf)
+    errors = np.where(np.isfinite(apart), apart / problem.noise_stds, np.inf)
     errors = np.where(np.isfinite(segments.readings), errors, np.nan)
     return forecast_of(torch.from_numpy(errors[counts].reshape(-1, errors.shape[-1])))
 

@@ -39,7 +39,7 @@ def law_from_segments(search: SegmentSearch, found: SegmentLaw) -> Law:
     """
     problem, nodes, members = search.problem, found.fit.point.nodes, found.members
     segments, (candidates, xi) = problem.segments, search.terms(found)
-    readings = problem.read(search.states(found), found.fit.point)
+    readings = problem.read(search.states(found), found.fit.point, members)
     residuals = readings - segments.readings
     normal = problem.linearise(found.fit.point, members)
     profiled = None if normal is None else normal.profiled()
@@ -50,7 +50,7 @@ def law_from_segments(search: SegmentSearch, found: SegmentLaw) -> Law:
         scale = np.sqrt(np.maximum(profiled[0].diagonal(), 1e-300))
         inverse = np.linalg.pinv(profiled[0] / scale[:, None] / scale, hermitian=True)
         covariance = search.level * inverse / scale[:, None] / scale
-    misfit = float(np.nansum(np.square(residuals / problem.noise_std)))
+    misfit = float(np.nansum(np.square(residuals / problem.noise_stds)))
     return Law(
         candidates=candidates,
         coefficients=torch.from_numpy(xi),

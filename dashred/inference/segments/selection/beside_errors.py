@@ -55,8 +55,9 @@ def _without_jumps(walking: Walking) -> WeakConstraintProblem:
     """Return F without the readings of erring sensors that the walks cannot follow."""
     problem, point = walking.problem, walking.fit.point
     segments = problem.segments
-    apart = problem.read(problem.states(point, walking.members), point) - segments.readings
-    jumps = np.abs(apart) > JUMP * problem.noise_std
+    members = walking.members
+    apart = problem.read(problem.states(point, members), point, members) - segments.readings
+    jumps = np.abs(apart) > JUMP * problem.noise_stds
     sound = [s for s in range(jumps.shape[-1]) if s not in problem.walks.erring]
     jumps[:, :, sound] = False
     if jumps.sum() > MOST_JUMPS * segments.available.sum():
