@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
 from dashred.data.recording import Recording
-from dashred.data.saturation import values_at_stop
 from dashred.data.sensors import Sensor
+from dashred.data.stated.saturation import values_at_stop
 
 # Third differences of white noise of variance σ² have variance (1 + 9 + 9 + 1) σ².
 THIRD_DIFFERENCE_STD = math.sqrt(20.0)

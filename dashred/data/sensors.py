@@ -95,7 +95,7 @@ class Sensor:
         known: let with the part of its readings that inputs and time determine, and that has been
             subtracted from them; empty without one.
         is_calibrated: whether its gain or offset is fitted. Such a sensor is not held out.
-        has_stops: whether it saturates (:mod:`dashred.data.saturation`).
+        has_stops: whether it saturates (:mod:`dashred.data.stated.saturation`).
         widths: widths of the region along each axis, in the axis' unit; empty for a point.
     """
 

@@ -8,14 +8,14 @@ from typing import NamedTuple
 
 from dashred.config import Config
 from dashred.data.angles import continue_angles
-from dashred.data.averages import with_averages
-from dashred.data.calibration import with_calibration
-from dashred.data.episode_parameters import with_episode_parameters
 from dashred.data.episodes import Episodes, fitted_parts, with_sensors
-from dashred.data.fitted_delays import with_fitted_delays
-from dashred.data.known_readings import check_uncertain_have_effect, subtract_known_readings
-from dashred.data.saturation import has_stops
-from dashred.data.stated_noise import resolve_shares, with_noise_of_sensors
+from dashred.data.stated.averages import with_averages
+from dashred.data.stated.calibration import with_calibration
+from dashred.data.stated.episode_parameters import with_episode_parameters
+from dashred.data.stated.fitted_delays import with_fitted_delays
+from dashred.data.stated.known_readings import check_uncertain_have_effect, subtract_known_readings
+from dashred.data.stated.saturation import has_stops
+from dashred.data.stated.stated_noise import resolve_shares, with_noise_of_sensors
 from dashred.physics.system import System
 
 # With at least this many episodes, the last one is held out as a whole.

@@ -13,10 +13,10 @@ import torch
 from torch import Tensor
 
 from dashred.config import Config
-from dashred.data.known_readings import check_reads_state
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
 from dashred.data.sensor_layout import place_sensors
+from dashred.data.stated.known_readings import check_reads_state
 from dashred.evaluation.twins.faulty_sensors import autocorrelated_noise, displaced, faulty_readings
 from dashred.inference.initial_state.start_models import ScaledStart
 from dashred.inference.results.corrected_system import with_parameters

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from dashred.data.relative_noise import Array
-from dashred.data.saturation import Mask, at_stop
+from dashred.data.stated.relative_noise import Array
+from dashred.data.stated.saturation import Mask, at_stop
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.noise_model import NoiseModel

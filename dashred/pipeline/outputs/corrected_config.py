@@ -15,7 +15,7 @@ from dashred.config import Config
 from dashred.config.layers import written_out
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.hidden_state_schema import HiddenStateFound
-from dashred.data.fitted_delays import delay_parameter
+from dashred.data.stated.fitted_delays import delay_parameter
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.inference.results.explanation import terms_of_law

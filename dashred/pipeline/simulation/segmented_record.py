@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dashred.data.saturation import at_stop
+from dashred.data.stated.saturation import at_stop
 from dashred.inference.segments.first_nodes import first_nodes
 from dashred.inference.segments.natural_scales import field_sizes
 from dashred.inference.segments.segment_simulator import SegmentSimulator

@@ -14,8 +14,8 @@ import torch
 from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
-from dashred.data.relative_noise import Array
 from dashred.data.sensors import Sensor
+from dashred.data.stated.relative_noise import Array
 from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.noise_model import NoiseModel

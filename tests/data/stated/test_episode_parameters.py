@@ -10,12 +10,12 @@ import pytest
 import torch
 
 from dashred.core.errors import InputError
-from dashred.data.episode_parameters import with_episode_parameters
 from dashred.data.episodes import Episode, Episodes
-from dashred.data.fitted_delays import about_delays, with_fitted_delays
 from dashred.data.inputs import with_inputs
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
+from dashred.data.stated.episode_parameters import with_episode_parameters
+from dashred.data.stated.fitted_delays import about_delays, with_fitted_delays
 from dashred.inference.results.corrected_system import with_parameters
 from dashred.physics.backends.input_signals import NO_INPUTS, InputSignals
 from dashred.physics.parameter_sensitivity import parameter_tendency

@@ -10,11 +10,11 @@ import pytest
 import torch
 
 from dashred.core.errors import InputError
-from dashred.data.averages import with_averages
 from dashred.data.episodes import Episode, Episodes
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
+from dashred.data.stated.averages import with_averages
 from dashred.physics.system import System
 from tests import laws
 

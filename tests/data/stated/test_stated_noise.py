@@ -10,7 +10,7 @@ from dashred.core.stated_noise import parse_noise
 from dashred.data.episodes import Episode, Episodes
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
-from dashred.data.stated_noise import resolve_shares, with_noise_of_sensors
+from dashred.data.stated.stated_noise import resolve_shares, with_noise_of_sensors
 
 TIMES = np.arange(100.0)
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from dashred.core.stated_noise import NoiseLaw, parse_noise
 from dashred.data.episodes import Episodes, fitted_parts, with_sensors
-from dashred.data.relative_noise import Array, noise_at
 from dashred.data.sensors import Sensor, check_named_sensors
+from dashred.data.stated.relative_noise import Array, noise_at
 
 # A noise that is a share of the reading is at least this share of its size at the rms reading.
 LEAST_SHARE = 0.01

@@ -10,8 +10,8 @@ import torch
 
 from dashred.data.noise_level import noise_std
 from dashred.data.recording import Recording
-from dashred.data.saturation import at_stop, has_stops, values_at_stop
 from dashred.data.sensors import Sensor
+from dashred.data.stated.saturation import at_stop, has_stops, values_at_stop
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.segments.segments import cut
 from tests import laws

@@ -13,15 +13,15 @@ from dashred.config import load_config
 from dashred.core.errors import InputError
 from dashred.data.episodes import Episode, Episodes
 from dashred.data.inputs import with_inputs
-from dashred.data.known_readings import (
+from dashred.data.recording import Recording
+from dashred.data.sensors import Sensor
+from dashred.data.stated.known_readings import (
     check_reads_state,
     check_uncertain_have_effect,
     known_readings,
     subtract_known_readings,
     with_known_at,
 )
-from dashred.data.recording import Recording
-from dashred.data.sensors import Sensor
 from dashred.physics.backends.input_signals import InputSignals
 from dashred.physics.system import System
 

@@ -12,11 +12,11 @@ from dashred.config import Splits, TimeSplit
 from dashred.config.schema.recording import SensorSplit
 from dashred.core.errors import InputError
 from dashred.core.stated_calibration import StatedPart, parse_calibration
-from dashred.data.calibration import with_calibration
 from dashred.data.episodes import Episode, Episodes
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.data.splits import split_recording
+from dashred.data.stated.calibration import with_calibration
 from tests import laws
 
 TEXT = """
