@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
 from dashred.core.units import TIME
+from dashred.data.checks import MIN_EPISODE_SAMPLES
 from dashred.data.io.columns import Columns
 from dashred.data.io.csv_table import is_number
 from dashred.data.io.stated_units import StatedUnits
@@ -119,7 +120,7 @@ def likely_times(table: Columns) -> str | None:
 def episode_column(table: Columns, times: NDArray[np.float64], time: TimeColumn) -> str | None:
     """Return the first column that changes exactly where the times start again, if there is one."""
     restarts = np.flatnonzero(times[1:] < times[:-1])
-    if not restarts.size:
+    if not 0 < restarts.size * MIN_EPISODE_SAMPLES <= len(times):
         return None
     for column in table.columns:
         cells = np.array(table.texts(column))

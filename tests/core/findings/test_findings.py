@@ -94,7 +94,7 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> 
 
 def test_what_was_not_looked_for_is_null() -> None:
     found = new_findings(SOURCE)
-    assert set(found) == set(Findings.__annotations__) - {"units", "budget"}
+    assert set(found) == set(Findings.__annotations__) - {"units", "budget", "hidden_state"}
     given = {"fit", "latent", "input", "also_supported", "fitted_parameters"}
     assert {key for key, value in found.items() if value is not None} == given
     assert found["also_supported"] == [] and found["fitted_parameters"] == []
