@@ -181,5 +181,6 @@ def network_guess(
     spread = field_rms(anomalies)
     modes = leading_modes(Estimate(network.state, anomalies), spread, settings.modes, 1.0).modes
     left = modes.square().sum(dim=0).reshape(len(network.state), -1).mean(dim=1).sqrt()
-    factor = (network.error / left).reshape(-1, *(1,) * (network.state.dim() - 1))
+    known = torch.where(left > 0, network.error / left, 0.0)
+    factor = known.reshape(-1, *(1,) * (network.state.dim() - 1))
     return LinearStart(network.state, factor * modes)

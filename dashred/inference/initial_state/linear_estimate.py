@@ -79,7 +79,9 @@ def leading_modes(
         count: largest number of modes; modes without variance are left out.
         inflation: factor on the modes; the estimate itself is slightly overconfident.
     """
-    size = scale.reshape(-1, *(1,) * (estimate.mean.dim() - 1))
+    # A field that never differs has no size.
+    known = torch.where(scale > 0, scale, 1.0)
+    size = known.reshape(-1, *(1,) * (estimate.mean.dim() - 1))
     scaled = (estimate.anomalies / size).flatten(1) / (len(estimate.anomalies) - 1) ** 0.5
     _, strengths, components = torch.linalg.svd(scaled, full_matrices=False)
     significant = int((strengths > SMALLEST * strengths[0]).sum())

@@ -62,6 +62,15 @@ def test_leading_modes_have_the_covariance() -> None:
     torch.testing.assert_close(fewer.start(torch.zeros(1, 3).double())[0], estimate.mean)
 
 
+def test_a_field_that_never_differs_has_no_modes() -> None:
+    anomalies = draw(9, 2, 6)
+    anomalies[:, 1] = 0.0
+    scale = torch.tensor([1.0, 0.0], dtype=torch.float64)
+    start = leading_modes(Estimate(draw(2, 6, seed=1), anomalies), scale, 60, 1.0)
+    assert start.modes.isfinite().all() and not start.modes[:, 1].any()
+    assert start.modes[:, 0].any()
+
+
 def test_the_analog_of_a_shifted_start_is_the_shifted_member(system: System) -> None:
     members = ensemble(system, 8)
     operator = ObservationOperator(SENSORS, system)
