@@ -50,7 +50,7 @@ def samples_per_change(recording: Recording, noise: NDArray[np.float64]) -> dict
 def suggested_step(
     recording: Recording, lags: dict[str, int], noise: NDArray[np.float64]
 ) -> float | None:
-    """Return a round step of at most 1/16 of the fastest sensor's period.
+    """Return a step of n samples, of at most 1/16 of the fastest sensor's period.
 
     The step leaves at least 150 samples, and no change between its samples that is far
     above the noise: a short transient may be all that shows a fast process. The result is None if
@@ -66,9 +66,10 @@ def suggested_step(
     own = native_step(recording.times)
     most = float(recording.times[-1] - recording.times[0]) / MIN_SAMPLES_KEPT
     step = round_down(min(own * min(lags.values()), most))
-    while step >= 2 * own * (1 - 1e-9):
-        if not _loses_changes(recording, noise, round(step / own)):
-            return step
+    # Each nth sample: nothing needs to be interpolated.
+    while (every := int(step / own + 1e-6)) >= 2:
+        if not _loses_changes(recording, noise, every):
+            return float(f"{every * own:.6g}")
         step = round_down(step / 2)
     return None
 

@@ -93,6 +93,12 @@ def find_time_column(table: Columns, step: float | None = None) -> TimeColumn:
     raise InputError("the recording has no column 'time'", where=table.path, hint=hint)
 
 
+def has_dates(table: Columns, column: TimeColumn) -> bool:
+    """Return whether the times are dates or times of day."""
+    first = next((cell for cell in _joined(table, column) if cell), "") if column.columns else ""
+    return _is_date(first)
+
+
 def named_times(table: Columns) -> list[str]:
     """Return the columns with a name for times; ``time`` comes first."""
     plain = {column: split_header(column)[0] for column in table.columns}

@@ -17,6 +17,14 @@ from dashred.pipeline.check.simulator import NominalRun
 
 # Largest accepted ratio between recorded and simulated standard deviations, either way.
 MAX_RATIO = 5.0
+# Factors between units that are easily confused, and how near a ratio is to one of them.
+UNIT_FACTORS = {
+    57.3: "rad and degrees",
+    60.0: "minutes and seconds",
+    1000.0: "m and mm, or s and ms",
+    3600.0: "hours and seconds",
+}
+UNIT_TOLERANCE = 0.2
 # Largest accepted distance of the first sample from the simulated one, in standard deviations.
 MAX_DEVIATIONS = 4.0
 
@@ -57,11 +65,20 @@ def compare_amplitudes(
         yield warning(
             f"Readings of {shortened(off)} vary {ratios[off[0]]:.2g} times as much as in the "
             f"{where}",
-            "check that both use the same unit (rad or degrees, s or ms)",
+            _reason(ratios[off[0]]),
         )
     elif ratios:
         typical = sorted(ratios.values())[len(ratios) // 2]
         yield Remark(f"Sensor readings vary {typical:.2g} times as much as in the {where}")
+
+
+def _reason(ratio: float) -> str:
+    """Return a likely reason for readings that vary more or less than simulated ones."""
+    factor = max(ratio, 1 / ratio)
+    for size, units in UNIT_FACTORS.items():
+        if abs(factor / size - 1) < UNIT_TOLERANCE:
+            return f"check that both use the same unit: {units} differ by this factor"
+    return "missing physics may be the reason; otherwise check system.start and the units"
 
 
 def _start_agreement(

@@ -21,6 +21,8 @@ from dashred.pipeline.check.remark import Remark, plural, shortened, warning
 
 # Relative deviation from the mean step above which a clock is irregular.
 IRREGULAR = 0.05
+# An interval longer than this many steps is a gap if the samples keep their times.
+MAX_GAP_KEPT = 10.0
 # With this many gaps the sampling is uneven rather than interrupted.
 MANY_GAPS = 5
 # Shares of missing values, and of values equal to the previous one, that cause a warning.
@@ -94,17 +96,20 @@ def _irregular_steps(recording: Recording) -> Iterator[Remark]:
 def _gaps(recording: Recording, every: float | None, is_moved: bool) -> Iterator[Remark]:
     step, steps = native_step(recording.times), np.diff(recording.times)
     step = max(step, every or 0.0)
-    gaps = np.flatnonzero(steps > MAX_GAP * step)
-    # Many gaps are an uneven sampling, which is only lost on a clock.
-    if not gaps.size or (gaps.size >= MANY_GAPS and not is_moved):
+    longest = (MAX_GAP if is_moved else MAX_GAP_KEPT) * step
+    gaps = np.flatnonzero(steps > longest)
+    # Many gaps are an uneven sampling, which is lost only on a clock.
+    if not gaps.size or (not is_moved and gaps.size >= MANY_GAPS):
         return
     worst = int(gaps[steps[gaps].argmax()])
     episodes = "if the system was restarted there, declare the parts as episodes"
     longer = f"a longer step bridges short gaps: recording.every={MAX_GAP * step:.3g}"
     yield warning(
-        f"{plural(gaps.size, 'gap')} longer than {MAX_GAP:g} steps; the longest, "
+        f"{plural(gaps.size, 'gap')} longer than {longest / step:g} steps; the longest, "
         f"{steps[worst]:.4g}, starts at t = {recording.times[worst]:.6g}",
-        f"gaps are not interpolated; {episodes if gaps.size < MANY_GAPS else longer}",
+        f"gaps are not interpolated; {episodes if gaps.size < MANY_GAPS else longer}"
+        if is_moved
+        else episodes,
     )
 
 
@@ -241,6 +246,6 @@ def _correlation_remark(recording: Recording, lags: dict[str, int]) -> Remark:
     if ratio > 1 - 4 / math.sqrt(fewest):
         return Remark("The noise looks white")
     return warning(
-        f"The noise looks autocorrelated: {1 / ratio:.2g} times larger in every second sample",
+        "The noise looks autocorrelated: neighbouring readings err alike",
         "a run estimates the correlation and weights the samples accordingly",
     )

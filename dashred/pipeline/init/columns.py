@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from dashred.config.schema.types import NAME
 from dashred.core.errors import InputError, nearest
+from dashred.core.units import TIME
 from dashred.data.io.csv_table import Table, is_number, read_recording_table, read_table
 from dashred.data.io.reader import read_episodes
+from dashred.data.io.stated_units import StatedUnits
 from dashred.data.io.table_layout import TableLayout, split_header
-from dashred.data.io.time_column import find_time_column
+from dashred.data.io.time_column import TimeColumn, find_time_column, has_dates, read_times
 from dashred.data.recording import Recording
 from dashred.data.sensors import RESERVED
 from dashred.pipeline.init.layout import guess_layout, has_numbers, is_usable
@@ -27,6 +29,8 @@ POINTS = {1: 64, 2: 32}
 MANY_FIELDS, MAX_FIELDS = 8, 64
 # An input that repeats its value in more than this share of the rows changes in steps.
 HELD = 0.5
+# Unit of time for dates, by the shortest step in seconds.
+TIME_UNITS = {"d": 0.5 * 86400.0, "h": 600.0, "min": 10.0, "s": 0.0}
 # Key in system.spread of the correlation length of the start, so no field can have this name.
 LENGTH = "length"
 
@@ -70,6 +74,7 @@ class GuessedSystem:
         inputs: column of each input, by name: that of the column.
         held_inputs: columns of inputs that change in steps.
         left_out: columns of numbers that are no fields: a counter of the rows, a constant.
+        units: a unit of time for dates.
     """
 
     axes: tuple[GuessedAxis, ...]
@@ -78,11 +83,7 @@ class GuessedSystem:
     inputs: dict[str, str] = field(default_factory=dict)
     held_inputs: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
-
-    @property
-    def units(self) -> dict[str, str]:
-        """Empty, because there is no configuration yet."""
-        return {}
+    units: dict[str, str] = field(default_factory=dict)
 
     @property
     def where(self) -> Callable[[str], str]:
@@ -110,7 +111,8 @@ def read_recording(
     """
     layout = guess_layout(path, is_ode=sensors_table is None)
     table = read_recording_table(path, layout)
-    times = find_time_column(table, layout.step).columns
+    time = find_time_column(table, layout.step)
+    times = time.columns
     driving = {name: name for name in (_input(table, layout, name) for name in inputs)}
     _check_names([*driving], "input", path)
     if sensors_table is None:
@@ -119,6 +121,8 @@ def read_recording(
         guessed = _system_from_sensors(read_table(sensors_table))
     held = tuple(name for name in driving if _changes_in_steps(table.numbers(name)))
     guessed = replace(guessed, inputs=driving, held_inputs=held)
+    if unit := _unit_of_dates(table, time, guessed):
+        guessed = replace(guessed, units={TIME: unit})
     texts = [column for column in table.columns if not has_numbers(table, column)]
     ignored = [column for column in texts if column not in (*RESERVED, *times)]
     # The recording is read again below. Free the first copy, because it may be large.
@@ -135,6 +139,18 @@ def _input(table: Table, layout: TableLayout, name: str) -> str:
             return candidate
     hint = nearest(name, [*table.columns, *renamed])
     raise InputError(f"the recording has no column {name!r}", where="inputs", hint=hint)
+
+
+def _unit_of_dates(table: Table, time: TimeColumn, guessed: GuessedSystem) -> str | None:
+    """Return a unit of time in which samples are some hundredths to tens apart; None for numbers.
+
+    Dates without a unit would be in seconds.
+    """
+    if not has_dates(table, time):
+        return None
+    steps = np.diff(read_times(table, time, StatedUnits(guessed)))
+    step = float(np.nanmedian(np.abs(steps))) if len(steps) else 1.0
+    return next(unit for unit, shortest in TIME_UNITS.items() if step >= shortest)
 
 
 def _changes_in_steps(values: NDArray[np.float64]) -> bool:

@@ -77,7 +77,7 @@ def in_degrees(rows: list[str]) -> list[str]:
 
 
 SPOILT: dict[str, Callable[[list[str]], list[str]]] = {
-    "1 gap longer than 2 steps; the longest, 6.2": lambda rows: rows[:80] + rows[110:],
+    "1 gap longer than 10 steps; the longest, 6.2": lambda rows: rows[:80] + rows[110:],
     "values are missing from v": lambda rows: with_v(rows, lambda i, v: v if i // 30 != 2 else ""),
     "mostly repeated values: v": lambda rows: with_v(rows, lambda i, _: f"{i // 3}"),
     "v reads -999 2 times, first at t = 6": lambda rows: with_v(

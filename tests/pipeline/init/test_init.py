@@ -165,6 +165,13 @@ def test_inputs_counters_and_constants_are_no_fields(tmp_path: Path) -> None:
         written(tmp_path, f"path={path}", "inputs=Heater")
 
 
+def test_dates_get_a_unit_of_the_size_of_their_step(tmp_path: Path) -> None:
+    rows = [f"2024-05-{1 + i // 24:02d} {i % 24:02d}:00,{math.sin(0.3 * i):.3f}" for i in range(90)]
+    (tmp_path / "hours.csv").write_text("\n".join(["date,T", *rows, ""]))
+    config, _ = written(tmp_path, f"path={tmp_path / 'hours.csv'}")
+    assert config.system.units == {"t": "h"}
+
+
 def test_a_table_without_times_asks_for_its_step(tmp_path: Path) -> None:
     rows = "".join(f"{math.cos(0.1 * i):.3f},{math.sin(0.1 * i):.3f}\n" for i in range(60))
     (tmp_path / "steps.csv").write_text("u,V1\n" + rows)
