@@ -154,13 +154,15 @@ def _unit_of_dates(table: Table, time: TimeColumn, guessed: GuessedSystem) -> st
 
 
 def _changes_in_steps(values: NDArray[np.float64]) -> bool:
-    known = values[~np.isnan(values)]
+    known = values[np.isfinite(values)]
     return len(known) > 1 and float((np.diff(known) == 0).mean()) > HELD
 
 
 def _counts_rows(values: NDArray[np.float64]) -> bool:
     """Return whether a column counts the rows: 1, 2, 3."""
-    return len(values) > 1 and bool((np.diff(values) == 1).all()) and values[0] in (0, 1)
+    if len(values) < 2 or not np.isfinite(values).all():
+        return False
+    return bool((np.diff(values) == 1).all()) and values[0] in (0, 1)
 
 
 def _system_from_columns(table: Table, others: Sequence[str]) -> GuessedSystem:

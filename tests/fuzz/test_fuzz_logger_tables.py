@@ -1,0 +1,114 @@
+"""Arbitrary files of loggers: refused, or read as a valid recording, and given names by init."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+
+from dashred.core.column_names import parse_columns
+from dashred.core.errors import InputError
+from dashred.data.io.reader import read_episodes
+from dashred.data.io.table_layout import TableLayout
+from dashred.pipeline.init.columns import read_recording
+from tests.fuzz.examples import fuzzed
+
+
+@dataclass(frozen=True)
+class Tank:
+    """An ODE system with an input."""
+
+    axes: tuple[Any, ...] = ()
+    fields: tuple[str, ...] = ("u", "T")
+    lets: tuple[str, ...] = ()
+    inputs: dict[str, str] = field(default_factory=lambda: {"q": "Heater 1 (%)"})
+    held_inputs: tuple[str, ...] = ("Heater 1 (%)",)
+    units: dict[str, str] = field(default_factory=dict)
+    where = "a.yaml, {}".format
+
+
+NAMES = st.sampled_from(
+    ["time", "Time (s)", "t", "T", "u", "T (degC)", "Heater 1 (%)", "x-axis", "Subject", "1", "",
+     "date", "rownames", "u [m", "Größe", "lambda", "(s)", '"u, v"', "episode"]
+)  # fmt: skip
+LINES = st.sampled_from(
+    ["A logger", '"TOA5","a","b"', "# comment", "", "second,volt,-", "s;V;V", "Run #1,Run #1,u",
+     "#t u T", '"', "\t\t", ",,", "0,1", "\0", "2024-05-01 12:00"]
+)  # fmt: skip
+CELLS = st.sampled_from(
+    ["", "1", "-2.5", "1,5", "nan", "inf", "a", "12:30:00", "2024-05-01", "1e400"]
+)
+CLOCKS = st.sampled_from(["{:.1f}", "2024-05-01 00:{:02.0f}", "{:.0f}:00:00", "{:.0f}", "x{:.0f}"])
+COLUMNS = st.one_of(
+    st.none(),
+    st.lists(NAMES, min_size=1, max_size=4),
+    st.dictionaries(st.sampled_from(["time", "u", "T", "episode", "q"]), NAMES, max_size=3),
+)
+
+
+def logged(
+    before: list[str], names: list[str], below: list[str], clock: str, cells: list[str],
+    count: int, separator: str, end: str,
+) -> str:  # fmt: skip
+    """Return a file with lines about its header, and rows with increasing times."""
+    rows = [
+        separator.join([clock.format(i), f"{np.sin(0.3 * i):.3f}", cells[i % len(cells)]]) + end
+        for i in range(count)
+    ]
+    header = [separator.join(names) + end] if names else []
+    return "\n".join([*before, *header, *below, *rows, ""])
+
+
+FILES = st.builds(
+    logged,
+    st.lists(LINES, max_size=3),
+    st.lists(NAMES, min_size=3, max_size=3) | st.just([]) | st.lists(NAMES, max_size=4),
+    st.lists(LINES, max_size=2),
+    CLOCKS,
+    st.lists(CELLS, min_size=1, max_size=5),
+    st.integers(0, 40),
+    st.sampled_from([",", ";", "\t", " "]),
+    st.sampled_from(["", "", ",", "\t"]),
+)
+
+
+@fuzzed(
+    250,
+    25_000,
+    text=FILES,
+    columns=COLUMNS,
+    step=st.sampled_from([None, 0.5]),
+    ignored=st.lists(NAMES, max_size=1),
+)
+def test_the_file_of_a_logger_is_refused_or_a_recording(
+    text: str,
+    columns: Sequence[str] | Mapping[str, str] | None,
+    step: float | None,
+    ignored: list[str],
+) -> None:
+    Path("a.csv").write_text(text, encoding="utf-8")
+    try:
+        names, headers = parse_columns(columns, "a.yaml")
+        layout = TableLayout(names, headers, ignored, step)
+        for episode in read_episodes("a.csv", None, Tank(), layout).episodes:
+            recording = episode.recording
+            assert np.all(np.diff(recording.times) > 0) and np.isfinite(recording.times).all()
+            assert set(recording.names) <= {"u", "T"}
+            assert not np.isinf(recording.values).any()
+    except InputError as error:
+        assert "Traceback" not in str(error)
+
+
+@fuzzed(150, 10_000, text=FILES, inputs=st.lists(NAMES, max_size=1))
+def test_init_refuses_a_file_or_names_its_columns(text: str, inputs: list[str]) -> None:
+    Path("a.csv").write_text(text, encoding="utf-8")
+    try:
+        guessed, recordings, _ = read_recording("a.csv", None, inputs)
+        assert guessed.fields and recordings
+        assert len({*guessed.fields, *guessed.inputs}) == len(guessed.fields) + len(guessed.inputs)
+    except InputError as error:
+        assert "Traceback" not in str(error)
