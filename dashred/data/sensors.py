@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 
 from dashred.core.errors import InputError, nearest
 from dashred.core.files.plain_text import first_unprintable
-from dashred.core.stated_noise import NoiseLaw
+from dashred.core.stated.noise import NoiseLaw
 
 # Columns of a recording that are not sensors.
 RESERVED = ("time", "episode")

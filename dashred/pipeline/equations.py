@@ -20,8 +20,8 @@ from dashred.pipeline import assimilation, surrogate, training, trajectories
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.discovery import discovery
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
-from dashred.pipeline.discovery.relinearisation import with_fitted_readings
-from dashred.pipeline.discovery.segment_stage import (
+from dashred.pipeline.discovery.segments.relinearisation import with_fitted_readings
+from dashred.pipeline.discovery.segments.segment_stage import (
     discover_in_segments,
     has_sensor_errors,
     search_in_segments,

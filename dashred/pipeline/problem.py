@@ -14,13 +14,13 @@ from dashred.config.checks.checks import MAX_STEPS
 from dashred.core.budget import Budget, Deadline
 from dashred.core.errors import InputError
 from dashred.core.findings.cause_schema import FaultySensor
+from dashred.data.clocks.own_times import describe_times, has_uneven_times
+from dashred.data.clocks.resampling import native_step, resample_all
 from dashred.data.episodes import Episodes, name_episode_in_errors
 from dashred.data.inputs import with_inputs
 from dashred.data.noise_level import noise_std
 from dashred.data.observation_operator import ObservationOperator
-from dashred.data.own_times import describe_times, has_uneven_times
 from dashred.data.recording import Recording
-from dashred.data.resampling import native_step, resample_all
 from dashred.data.splits import Split, hold_out_episode, split_recording
 from dashred.data.stated.fitted_delays import about_delays
 from dashred.data.stated.known_readings import known_readings, with_known_at

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dashred.config import Config
-from dashred.core.column_names import parse_columns
+from dashred.core.stated.column_names import parse_columns
 from dashred.data.episodes import Episodes
 from dashred.data.io.reader import read_episodes
-from dashred.data.io.table_layout import TableLayout
+from dashred.data.io.tables.table_layout import TableLayout
 from dashred.physics.system import System
 
 

@@ -11,11 +11,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dashred.core.errors import InputError
+from dashred.data.clocks.resampling import resample_all
 from dashred.data.episodes import Episode, Episodes, split_into_episodes
 from dashred.data.io.reader import read_episodes, read_recording
 from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
-from dashred.data.resampling import resample_all
 from dashred.data.sensors import Sensor
 from dashred.physics.backends.input_signals import InputSignals
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from dashred.core.column_names import parse_columns
 from dashred.core.errors import InputError
+from dashred.core.stated.column_names import parse_columns
 from dashred.data.io.reader import read_episodes
-from dashred.data.io.table_layout import TableLayout
+from dashred.data.io.tables.table_layout import TableLayout
 from dashred.pipeline.init.columns import read_recording
 from tests.fuzz.examples import fuzzed
 

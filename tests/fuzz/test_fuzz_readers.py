@@ -15,13 +15,13 @@ from hypothesis import strategies as st
 
 from dashred.core.errors import InputError
 from dashred.core.files.plain_text import first_unprintable
-from dashred.data.io.csv_table import read_table
+from dashred.data.clocks.resampling import resample_all
 from dashred.data.io.reader import read_episodes
 from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
+from dashred.data.io.tables.csv_table import read_table
 from dashred.data.noise_level import noise_std
 from dashred.data.recording import Recording
-from dashred.data.resampling import resample_all
 from dashred.physics.grids.grid import Axis
 from tests.fuzz.examples import fuzzed
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from tests.pipeline.discovery.test_hidden_state_stage import GAIN, MUG, TAU, TIMES, water
+from tests.pipeline.discovery.segments.test_hidden_state_stage import GAIN, MUG, TAU, TIMES, water
 from tests.pipeline.test_episodes_run import SMALL, findings_of
 
 pytestmark = pytest.mark.slow

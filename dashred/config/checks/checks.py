@@ -13,12 +13,12 @@ from dashred.config.checks.system_checks import check_system
 from dashred.config.schema.recording import Recording, SensorSplit
 from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where, required
-from dashred.core.column_names import parse_columns
 from dashred.core.errors import InputError, nearest
 from dashred.core.limits import Limit
-from dashred.core.stated_average import parse_average
-from dashred.core.stated_calibration import parse_calibration
-from dashred.core.stated_noise import parse_noise
+from dashred.core.stated.average import parse_average
+from dashred.core.stated.calibration import parse_calibration
+from dashred.core.stated.column_names import parse_columns
+from dashred.core.stated.noise import parse_noise
 from dashred.physics.system_schema import System
 
 TWIN = re.compile(r"[A-Za-z0-9_-]+\Z")

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 from dashred.core.errors import InputError
 from dashred.data.episodes import Episodes
-from dashred.data.io.columns import Columns
-from dashred.data.io.csv_table import read_table
-from dashred.data.io.frame_table import FrameTable
 from dashred.data.io.read_csv import episodes_of_table
 from dashred.data.io.read_netcdf import episodes_of_dataset
-from dashred.data.io.table_layout import TableLayout
+from dashred.data.io.tables.columns import Columns
+from dashred.data.io.tables.csv_table import read_table
+from dashred.data.io.tables.frame_table import FrameTable
+from dashred.data.io.tables.table_layout import TableLayout
 from dashred.data.sensors import SystemDescription
 
 if TYPE_CHECKING:

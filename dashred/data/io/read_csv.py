@@ -17,8 +17,6 @@ from dashred.data.checks import (
 )
 from dashred.data.episodes import Episode, EpisodeRows, Episodes, split_into_episodes
 from dashred.data.input_action import fill_gaps
-from dashred.data.io.columns import Columns
-from dashred.data.io.csv_table import read_recording_table, read_table
 from dashred.data.io.sensor_columns import (
     check_ignored,
     check_no_axes,
@@ -28,8 +26,10 @@ from dashred.data.io.sensor_columns import (
 from dashred.data.io.sensor_units import convert_sensors
 from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
-from dashred.data.io.table_layout import TableLayout
-from dashred.data.io.time_column import (
+from dashred.data.io.tables.columns import Columns
+from dashred.data.io.tables.csv_table import read_recording_table, read_table
+from dashred.data.io.tables.table_layout import TableLayout
+from dashred.data.io.tables.time_column import (
     TimeColumn,
     episode_column,
     find_time_column,

@@ -23,9 +23,9 @@ from dashred.data.checks import (
     fewest_samples,
 )
 from dashred.data.episodes import Episode, EpisodeRows, Episodes, split_into_episodes
-from dashred.data.io.csv_table import SECONDS_AS_NUMBERS
 from dashred.data.io.sensor_units import convert_sensor
 from dashred.data.io.stated_units import StatedUnits
+from dashred.data.io.tables.csv_table import SECONDS_AS_NUMBERS
 from dashred.data.sensors import Sensor, SystemDescription, check_names, check_sensor
 from dashred.physics.backends.input_signals import InputSignals
 

@@ -8,8 +8,8 @@ from dashred.core.errors import InputError
 from dashred.data.episodes import Episodes
 from dashred.data.io.read_csv import read_csv
 from dashred.data.io.read_netcdf import read_netcdf
-from dashred.data.io.table_dialect import TABLES
-from dashred.data.io.table_layout import TableLayout
+from dashred.data.io.tables.table_dialect import TABLES
+from dashred.data.io.tables.table_layout import TableLayout
 from dashred.data.recording import Recording
 from dashred.data.sensors import SystemDescription
 

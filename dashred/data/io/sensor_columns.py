@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Collection, Mapping, Sequence
 
 from dashred.core.errors import InputError, nearest
-from dashred.data.io.columns import Columns
+from dashred.data.io.tables.columns import Columns
 from dashred.data.sensors import Sensor, SystemDescription
 
 

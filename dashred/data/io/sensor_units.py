@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from dashred.core.unit_conversion import Conversion
 from dashred.core.units import check_same_unit, check_unit
-from dashred.data.io.columns import Columns
 from dashred.data.io.stated_units import StatedUnits
+from dashred.data.io.tables.columns import Columns
 from dashred.data.sensors import Sensor
 
 

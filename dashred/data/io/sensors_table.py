@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from dashred.core.errors import InputError, nearest
-from dashred.core.stated_noise import StatedNoise, parse_noise
-from dashred.data.io.columns import Columns
+from dashred.core.stated.noise import StatedNoise, parse_noise
 from dashred.data.io.stated_units import StatedUnits
+from dashred.data.io.tables.columns import Columns
 from dashred.data.sensors import Sensor, SystemDescription, check_names, check_sensor
 
 # Cells of the column std of a sensor whose noise is not known.

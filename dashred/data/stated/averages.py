@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from dashred.core.errors import InputError
-from dashred.core.stated_average import KEY, parse_average
+from dashred.core.stated.average import KEY, parse_average
 from dashred.data.episodes import Episode, Episodes, name_episode_in_errors
 from dashred.data.recording import Recording
 from dashred.data.sensors import check_named_sensors

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dashred.core.stated_calibration import KEY, StatedPart, parse_calibration
+from dashred.core.stated.calibration import KEY, StatedPart, parse_calibration
 from dashred.data.episodes import Episodes, with_sensors
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor, check_named_sensors

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.core.stated_noise import NoiseLaw
+from dashred.core.stated.noise import NoiseLaw
 from dashred.data.recording import Recording
 
 Array = NDArray[np.float64]

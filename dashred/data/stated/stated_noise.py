@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dashred.core.stated_noise import NoiseLaw, parse_noise
+from dashred.core.stated.noise import NoiseLaw, parse_noise
 from dashred.data.episodes import Episodes, fitted_parts, with_sensors
 from dashred.data.sensors import Sensor, check_named_sensors
 from dashred.data.stated.relative_noise import Array, noise_at

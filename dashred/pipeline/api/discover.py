@@ -21,7 +21,7 @@ from dashred.pipeline import equations
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.api.result import Result
 from dashred.pipeline.api.simulator import Simulator
-from dashred.pipeline.discovery.relinearisation import with_fitted_readings
+from dashred.pipeline.discovery.segments.relinearisation import with_fitted_readings
 from dashred.pipeline.outputs import report
 from dashred.pipeline.outputs.figures import figures_of
 from dashred.pipeline.problem import Problem, build_problem

@@ -11,7 +11,7 @@ from dashred.core.errors import InputError
 from dashred.data.episodes import Episodes
 from dashred.data.io.in_memory import RECORDING, SENSORS, read_in_memory, table_of_sensors
 from dashred.data.io.read_csv import episodes_of_file
-from dashred.data.io.table_dialect import TABLES
+from dashred.data.io.tables.table_dialect import TABLES
 from dashred.physics.system import System
 from dashred.pipeline.read_recorded import layout_of_table, read_recorded
 

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
 from dashred.core.units import with_unit
+from dashred.data.clocks.resampling import MAX_GAP, native_step
+from dashred.data.clocks.time_scale import SAMPLES_PER_PERIOD, samples_per_change, suggested_step
 from dashred.data.io.missing_sentinels import sentinel_counts
 from dashred.data.noise_level import noise_std
 from dashred.data.recording import Recording
-from dashred.data.resampling import MAX_GAP, native_step
-from dashred.data.time_scale import SAMPLES_PER_PERIOD, samples_per_change, suggested_step
 from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.remark import Remark, plural, shortened, warning
 

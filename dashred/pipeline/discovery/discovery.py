@@ -44,11 +44,11 @@ from dashred.pipeline.discovery.least_squares import (
     coarse_simulator,
     exact_simulator,
 )
-from dashred.pipeline.discovery.library_choice import is_explained
 from dashred.pipeline.discovery.local_cause_stage import discover_local_cause
 from dashred.pipeline.discovery.prior_start import select_near_prior
-from dashred.pipeline.discovery.segment_horizon import follow_segments
-from dashred.pipeline.discovery.segment_stage import discover_in_segments, with_few_terms
+from dashred.pipeline.discovery.segments.library_choice import is_explained
+from dashred.pipeline.discovery.segments.segment_horizon import follow_segments
+from dashred.pipeline.discovery.segments.segment_stage import discover_in_segments, with_few_terms
 from dashred.pipeline.discovery.selected_laws import MAX_RIVALS, best_by_size, fit_best
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun

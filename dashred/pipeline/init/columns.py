@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from dashred.config.schema.types import NAME
 from dashred.core.errors import InputError, nearest
 from dashred.core.units import TIME
-from dashred.data.io.csv_table import Table, is_number, read_recording_table, read_table
 from dashred.data.io.reader import read_episodes
 from dashred.data.io.stated_units import StatedUnits
-from dashred.data.io.table_layout import TableLayout, split_header
-from dashred.data.io.time_column import TimeColumn, find_time_column, has_dates, read_times
+from dashred.data.io.tables.csv_table import Table, is_number, read_recording_table, read_table
+from dashred.data.io.tables.table_layout import TableLayout, split_header
+from dashred.data.io.tables.time_column import TimeColumn, find_time_column, has_dates, read_times
 from dashred.data.recording import Recording
 from dashred.data.sensors import RESERVED
 from dashred.pipeline.init.layout import guess_layout, has_numbers, is_usable

@@ -10,7 +10,7 @@ from pathlib import Path
 from dashred.core.argument_types import list_reader, read_path
 from dashred.core.arguments import Command, argument
 from dashred.core.errors import DONE, InputError
-from dashred.data.io.table_dialect import TABLES
+from dashred.data.io.tables.table_dialect import TABLES
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,9 +9,9 @@ from dashred.config.checks.placeholders import TO_DO
 from dashred.config.schema.types import NAME
 from dashred.config.source import SCALARS
 from dashred.core.templates import render
-from dashred.data.io.table_layout import TableLayout
+from dashred.data.clocks.resampling import coarser_step, native_step
+from dashred.data.io.tables.table_layout import TableLayout
 from dashred.data.recording import Recording
-from dashred.data.resampling import coarser_step, native_step
 from dashred.physics.expressions.functions import FUNCTIONS
 from dashred.pipeline.init.columns import GuessedSystem
 from dashred.pipeline.init.guess import GuessedValues

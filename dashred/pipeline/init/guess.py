@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
+from dashred.data.clocks.own_times import is_uneven
+from dashred.data.clocks.resampling import coarser_step
+from dashred.data.clocks.time_scale import samples_per_change, suggested_step
 from dashred.data.io.missing_sentinels import mask_sentinels
 from dashred.data.noise_level import noise_std
-from dashred.data.own_times import is_uneven
 from dashred.data.recording import Recording
-from dashred.data.resampling import coarser_step
-from dashred.data.time_scale import samples_per_change, suggested_step
 from dashred.pipeline.init.columns import GuessedSystem
 from dashred.pipeline.init.relations import Rate, find_rates
 from dashred.pipeline.init.start import start_expression

@@ -10,14 +10,14 @@ from collections.abc import Collection
 import numpy as np
 
 from dashred.config.schema.types import NAME
-from dashred.data.io.csv_table import (
+from dashred.data.io.tables.csv_table import (
     Table,
     count_unnamed,
     is_number,
     read_recording_table,
 )
-from dashred.data.io.table_layout import TableLayout
-from dashred.data.io.time_column import (
+from dashred.data.io.tables.table_layout import TableLayout
+from dashred.data.io.tables.time_column import (
     TimeColumn,
     episode_column,
     find_time_column,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from dashred.core.errors import InputError
-from dashred.data.io.csv_table import read_table
 from dashred.data.io.sensor_columns import check_recorded
+from dashred.data.io.tables.csv_table import read_table
 from dashred.data.sensors import Sensor
 
 

@@ -11,11 +11,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from dashred.core.errors import InputError
-from dashred.data.io.csv_table import read_table
 from dashred.data.io.reader import read_episodes, read_recording
 from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
-from dashred.data.io.table_layout import TableLayout
+from dashred.data.io.tables.csv_table import read_table
+from dashred.data.io.tables.table_layout import TableLayout
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 

@@ -9,9 +9,9 @@ import pytest
 import xarray as xr
 
 from dashred.core.errors import InputError
+from dashred.data.clocks.resampling import resample
 from dashred.data.io.reader import read_recording
 from dashred.data.io.write_netcdf import write_netcdf
-from dashred.data.resampling import resample
 
 
 def lines(cell: str = "") -> str:

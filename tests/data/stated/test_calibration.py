@@ -11,7 +11,7 @@ import torch
 from dashred.config import Splits, TimeSplit
 from dashred.config.schema.recording import SensorSplit
 from dashred.core.errors import InputError
-from dashred.core.stated_calibration import StatedPart, parse_calibration
+from dashred.core.stated.calibration import StatedPart, parse_calibration
 from dashred.data.episodes import Episode, Episodes
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor

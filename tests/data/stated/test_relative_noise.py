@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from dashred.core.errors import InputError
-from dashred.core.stated_noise import NoiseLaw, parse_noise
+from dashred.core.stated.noise import NoiseLaw, parse_noise
 from dashred.data.episodes import Episode, Episodes
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dashred.core.errors import InputError
-from dashred.core.stated_noise import parse_noise
+from dashred.core.stated.noise import parse_noise
 from dashred.data.episodes import Episode, Episodes
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dashred.data.clocks.resampling import CLOCK_TOLERANCE, MIN_FILLED, native_step
 from dashred.data.episodes import Episodes
-from dashred.data.resampling import CLOCK_TOLERANCE, MIN_FILLED, native_step
 
 
 def has_uneven_times(episodes: Episodes) -> bool:

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dashred.data.clocks.time_scale import round_down, samples_per_change, suggested_step
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
-from dashred.data.time_scale import round_down, samples_per_change, suggested_step
 
 
 def wave(samples_a_period: float, noise: float) -> Recording:

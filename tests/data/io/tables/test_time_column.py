@@ -11,12 +11,12 @@ import pandas as pd
 import pytest
 
 from dashred.core.errors import InputError
-from dashred.data.io.csv_table import read_table
 from dashred.data.io.in_memory import read_in_memory
 from dashred.data.io.reader import read_recording
 from dashred.data.io.stated_units import StatedUnits
-from dashred.data.io.table_layout import TableLayout
-from dashred.data.io.time_column import find_time_column, read_times
+from dashred.data.io.tables.csv_table import read_table
+from dashred.data.io.tables.table_layout import TableLayout
+from dashred.data.io.tables.time_column import find_time_column, read_times
 
 Write = Callable[[str, str], str]
 QUARTERS = 900.0 * np.arange(24)

@@ -8,7 +8,7 @@ from collections.abc import Collection
 
 from dashred.core.errors import InputError
 from dashred.core.units import check_unit
-from dashred.data.io.table_layout import split_header
+from dashred.data.io.tables.table_layout import split_header
 from dashred.data.sensors import check_names
 
 NUMBER = re.compile(r"[+-]?\d+(\.\d*)?")

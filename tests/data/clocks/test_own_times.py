@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dashred.data.clocks.own_times import describe_times, has_uneven_times, is_uneven
 from dashred.data.episodes import Episode, Episodes
-from dashred.data.own_times import describe_times, has_uneven_times, is_uneven
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dashred.core.errors import InputError
-from dashred.data.io.csv_table import read_table
+from dashred.data.io.tables.csv_table import read_table
 
 COLUMNS = ("time", "u", "v")
 VALUES = np.array([[0.0, 1.5, -2e-3], [0.25, 1.25, 1e4], [0.5, -0.125, 7.0]])

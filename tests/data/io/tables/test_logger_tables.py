@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from dashred.core.column_names import parse_columns
 from dashred.core.errors import InputError
-from dashred.data.io.csv_table import Table, count_unnamed, read_recording_table
+from dashred.core.stated.column_names import parse_columns
 from dashred.data.io.reader import read_episodes
-from dashred.data.io.table_layout import TableLayout, split_header
+from dashred.data.io.tables.csv_table import Table, count_unnamed, read_recording_table
+from dashred.data.io.tables.table_layout import TableLayout, split_header
 
 Write = Callable[[str, str], str]
 ROWS = "0.0,1.5,2\n0.1,1.25,3\n"

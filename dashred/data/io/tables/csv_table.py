@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
 from dashred.core.unit_conversion import is_known_unit
-from dashred.data.io.table_dialect import (
+from dashred.data.io.tables.table_dialect import (
     COMMA,
     DATE,
     TableText,
@@ -24,8 +24,8 @@ from dashred.data.io.table_dialect import (
     find_recording,
     write_decimals_with_a_point,
 )
-from dashred.data.io.table_header import example_names, read_header
-from dashred.data.io.table_layout import TableLayout
+from dashred.data.io.tables.table_header import example_names, read_header
+from dashred.data.io.tables.table_layout import TableLayout
 
 # A table takes about thirteen times its size in memory, because every cell is a separate string.
 MAX_BYTES = 2**28

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from dashred.core.errors import InputError
+from dashred.data.clocks.resampling import native_step, resample, resample_all
 from dashred.data.episodes import Episode, Episodes
 from dashred.data.recording import Recording
-from dashred.data.resampling import native_step, resample, resample_all
 from dashred.data.sensors import Sensor
 
 

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from dashred.core.errors import InputError
 from dashred.core.units import TIME
 from dashred.data.checks import MIN_EPISODE_SAMPLES
-from dashred.data.io.columns import Columns
-from dashred.data.io.csv_table import is_number
 from dashred.data.io.stated_units import StatedUnits
-from dashred.data.io.table_layout import TIMES, split_header
+from dashred.data.io.tables.columns import Columns
+from dashred.data.io.tables.csv_table import is_number
+from dashred.data.io.tables.table_layout import TIMES, split_header
 
 SECONDS = {
     "ms": 1e-3,

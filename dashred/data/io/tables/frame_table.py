@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
 from dashred.core.units import split_unit
-from dashred.data.io.csv_table import SECONDS_AS_NUMBERS
-from dashred.data.io.table_header import read_header
+from dashred.data.io.tables.csv_table import SECONDS_AS_NUMBERS
+from dashred.data.io.tables.table_header import read_header
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -22,12 +22,12 @@ from dashred.inference.segments.selection.set_selection import SegmentLaw
 from dashred.pipeline.discovery.headline_law import terms_beside
 from dashred.pipeline.discovery.law_metrics import log_best_by_size
 from dashred.pipeline.discovery.least_squares import fit_noise
-from dashred.pipeline.discovery.library_choice import (
+from dashred.pipeline.discovery.segments.library_choice import (
     is_explained,
     search_libraries,
 )
-from dashred.pipeline.discovery.relinearisation import about_fitted_parameters
-from dashred.pipeline.discovery.segment_search import STAGE
+from dashred.pipeline.discovery.segments.relinearisation import about_fitted_parameters
+from dashred.pipeline.discovery.segments.segment_search import STAGE
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.simulation.segmented_record import can_restart

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from dashred.data.clocks.resampling import native_step
 from dashred.data.recording import Recording
-from dashred.data.resampling import native_step
 
 # This many samples per period resolve a wave; more add little information.
 SAMPLES_PER_PERIOD = 16

@@ -27,9 +27,9 @@ from dashred.inference.segments.selection.set_selection import SegmentLaw
 from dashred.physics.expressions import algebra
 from dashred.physics.library import WAVES, angles, build_library, calls, default_terms
 from dashred.physics.system import System
-from dashred.pipeline.discovery.hidden_state_stage import with_hidden_state
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
-from dashred.pipeline.discovery.segment_search import search_library
+from dashred.pipeline.discovery.segments.hidden_state_stage import with_hidden_state
+from dashred.pipeline.discovery.segments.segment_search import search_library
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.simulation.state_samples import state_samples

@@ -1,0 +1,1 @@
+"""Tables of text and DataFrames: their header, their columns and their times."""

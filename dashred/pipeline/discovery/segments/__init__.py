@@ -1,0 +1,1 @@
+"""Stages of the search for laws over segments of the recording."""
