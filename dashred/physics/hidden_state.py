@@ -109,13 +109,6 @@ def followed_by(system: System, field: str) -> str | None:
     return others[0] if system.equations[field] == same else None
 
 
-def free_name(wanted: str, taken: frozenset[str]) -> str:
-    """Return a name that is not in use: the wanted one, with underscores if necessary."""
-    while wanted in taken:
-        wanted += "_"
-    return wanted
-
-
 def relax(times: Array, follows: Array, tau: float) -> Array:
     """Return z at some times, exactly for a quantity u that is linear between them.
 

@@ -11,7 +11,6 @@ import pytest
 from dashred.physics.hidden_state import (
     HiddenState,
     followed_by,
-    free_name,
     relax,
     with_hidden_states,
     without_hidden_state,
@@ -51,8 +50,3 @@ def test_what_a_field_follows_is_read_off_its_equation(pendulum: System) -> None
     assert followed_by(augmented, "z") == "omega"
     assert followed_by(augmented, "theta") is None
     assert followed_by(augmented, "omega") is None
-
-
-def test_a_name_is_not_used_twice() -> None:
-    assert free_name("z", frozenset({"x"})) == "z"
-    assert free_name("z", frozenset({"z", "z_"})) == "z__"

@@ -23,6 +23,7 @@ from dashred.data.recording import Recording
 from dashred.data.sensors import check_named_sensors
 from dashred.physics.expressions.algebra import Expr, Number, add, multiply, names, to_text
 from dashred.physics.expressions.differentiate import NotDifferentiableError, differentiate
+from dashred.physics.expressions.free_names import free_name
 from dashred.physics.system import System
 
 # Steps between samples that differ by more than this share have no common interval.
@@ -89,9 +90,7 @@ def _interval(episodes: Episodes, column: int, where: str) -> float:
 
 def _with_mean(system: System, reads: str, span: float) -> tuple[System, str]:
     """Return the system with a let of the mean of a quantity, and its name."""
-    name = f"mean_of_{reads}"
-    while name in system.names:
-        name += "_"
+    name = free_name(f"mean_of_{reads}", system.names)
     config = system.config
     whole = system.without_lets(system.parse(reads, f"system.let.{reads}"))
     mean = add([whole, multiply((Number(span**2 / 24), _second_derivative(system, whole)))])

@@ -18,6 +18,7 @@ from dashred.data.episodes import Episodes, with_sensors
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor, check_named_sensors
 from dashred.physics.expressions.algebra import Name, add, multiply, summands, to_text
+from dashred.physics.expressions.free_names import take_name
 from dashred.physics.system import System
 
 # The spread of a gain of which nothing is known, as a share of its value, and that of an offset, as
@@ -84,7 +85,7 @@ def _calibrate(
     values, spreads = dict(config.parameters), dict(config.parameter_spread)
     units, named = dict(config.units), {}
     for part, (value, spread) in parts.items():
-        name = named[part] = _free(f"{part}_of_{label}", taken)
+        name = named[part] = take_name(f"{part}_of_{label}", taken)
         unknown = GAIN_SPREAD * abs(value) if part == "gain" else OFFSET_SPREAD * rms
         values[name], spreads[name] = value, unknown if spread is None else spread
     summed = summands(system.without_lets(system.parse(sensor.reads, f"system.let.{sensor.reads}")))
@@ -93,7 +94,7 @@ def _calibrate(
         summed = tuple(multiply((Name(named["gain"]), term)) for term in summed)
     if "offset" in named:
         summed = (*summed, Name(named["offset"]))
-    reads = _free(f"{label}_reading", taken)
+    reads = take_name(f"{label}_reading", taken)
     if sensor.reads in units:
         units[reads] = units[sensor.reads]
         if "offset" in named:
@@ -107,11 +108,3 @@ def _calibrate(
     )
     calibrated = replace(sensor, reads=reads, is_calibrated=True)
     return system.with_config(changed), calibrated, [*named.values()]
-
-
-def _free(name: str, taken: set[str]) -> str:
-    """Return a name that is not taken, and take it."""
-    while name in taken:
-        name += "_"
-    taken.add(name)
-    return name

@@ -17,6 +17,7 @@ from dashred.data.recording import Recording
 from dashred.physics.backends.input_signals import InputSignals
 from dashred.physics.declaration import MARK
 from dashred.physics.expressions.algebra import Number, substitute, to_text
+from dashred.physics.expressions.free_names import take_name
 from dashred.physics.system import System
 from dashred.physics.system_schema import Input
 
@@ -48,12 +49,12 @@ def with_episode_parameters(system: System, episodes: Episodes) -> ByEpisode:
         return ByEpisode(system, episodes)
     taken = set(system.names)
     labels = [re.sub(r"\W", "_", part.name, flags=re.ASCII) for part in episodes.episodes]
-    inside = [_free(f"in_episode_{label}", taken) for label in labels]
+    inside = [take_name(f"in_episode_{label}", taken) for label in labels]
     values, spreads = dict(config.parameters), dict(config.parameter_spread)
     lets, found = {}, {}
     for name in stated:
         value, spread = values.pop(name), spreads.pop(name)
-        own = [_free(f"{name}_in_{label}", taken) for label in labels]
+        own = [take_name(f"{name}_in_{label}", taken) for label in labels]
         lets[name] = " + ".join(f"{p}*{e}" for p, e in zip(own, inside, strict=True))
         for parameter, part in zip(own, episodes.episodes, strict=True):
             values[parameter], spreads[parameter] = value, spread
@@ -95,11 +96,3 @@ def _with_indicators(recording: Recording, names: list[str], index: int) -> Reco
         f"{MARK}{name}": np.full(len(clock), float(j == index)) for j, name in enumerate(names)
     }
     return replace(recording, inputs=InputSignals(clock, {**inputs.values, **added}))
-
-
-def _free(name: str, taken: set[str]) -> str:
-    """Return a name that is not taken, and take it."""
-    while name in taken:
-        name += "_"
-    taken.add(name)
-    return name

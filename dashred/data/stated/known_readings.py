@@ -16,6 +16,7 @@ from dashred.data.inputs import at_times, with_inputs
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.physics.expressions.algebra import Expr, add, names, summands, to_text
+from dashred.physics.expressions.free_names import free_name
 from dashred.physics.system import System
 
 
@@ -25,14 +26,13 @@ def subtract_known_readings(
     """Subtract from readings what the inputs and the time contribute to them.
 
     A sensor that reads ``y = h(u) + g(e, t)``, with measured inputs e, becomes one that reads
-    ``h(u)``: the values of ``g`` are known. The function h is added to the system as a let.
+    ``h(u)``: the values of ``g`` are known. The function h is added to the system as a let. If g
+    depends on a parameter, it is subtracted at its stated value. Then, and if the noise depends on
+    the reading, g is added to the system as a let: ``known`` of the sensor.
 
     Args:
         system: the simulator.
         episodes: the recording.
-
-    If g depends on a parameter, it is subtracted at its stated value. Then, and if the noise
-    depends on the reading, g is added to the system as a let: ``known`` of the sensor.
 
     Returns:
         The system and the recording of sensors that read functions of the state, and for each
@@ -47,10 +47,10 @@ def subtract_known_readings(
         if sensor.reads in changed or not _reads_clock(system, sensor.reads):
             continue
         of_state, known = _split(system, sensor)
-        name = _free_name(system, sensor.reads, "of_state")
+        name = free_name(f"{sensor.reads}_of_state", system.names)
         let, label = {**system.config.let, name: to_text(of_state)}, ""
         if names(known) & system.config.parameters.keys() or sensor.noise_law:
-            label = _free_name(system, sensor.reads, "known")
+            label = free_name(f"{sensor.reads}_known", system.names)
             let[label] = to_text(known)
         units = dict(system.units)
         if sensor.reads in units:
@@ -157,13 +157,6 @@ def _refused(system: System, sensor: Sensor, hint: str) -> InputError:
     on = min(names(_in_fields(system, sensor.reads)) & system.clock)
     what = f"sensor {sensor.name!r} reads {sensor.reads!r}, which depends on {on!r}"
     return InputError(what, where=system.where(f"system.let.{sensor.reads}"), hint=hint)
-
-
-def _free_name(system: System, reads: str, part: str) -> str:
-    name = f"{reads}_{part}"
-    while name in system.names:
-        name += "_"
-    return name
 
 
 def _without(system: System, recording: Recording, changed: dict[str, _Parts]) -> Recording:

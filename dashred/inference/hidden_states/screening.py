@@ -30,7 +30,8 @@ from dashred.inference.segments.selection.candidate_sets import (
 from dashred.inference.segments.selection.search import SegmentSearch, weighted
 from dashred.inference.segments.selection.set_selection import term_price
 from dashred.physics.expressions import algebra
-from dashred.physics.hidden_state import HiddenState, free_name
+from dashred.physics.expressions.free_names import free_name
+from dashred.physics.hidden_state import HiddenState
 
 # Time constants are tried from so many samples to the length of the record, with this factor
 # between two of them.

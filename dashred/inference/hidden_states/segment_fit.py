@@ -17,7 +17,8 @@ from dashred.inference.segments.selection.candidate_sets import Set
 from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.inference.segments.selection.set_selection import refit
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
-from dashred.physics.hidden_state import HiddenState, free_name
+from dashred.physics.expressions.free_names import free_name
+from dashred.physics.hidden_state import HiddenState
 
 # The prior standard deviation of τ, as a share of it.
 WIDE = 1.0

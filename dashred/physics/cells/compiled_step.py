@@ -11,6 +11,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from dashred.physics.backends.knot_intervals import find_interval
 from dashred.physics.backends.numba_backend import Array, Kernel
 
 Indices = NDArray[np.int64]
@@ -111,9 +112,7 @@ def _rest(
         linear = _products(cells, arrays.linear[k], given, arrays.linear_given[k])
         _add(linear, arrays.strengths[k], out)
     if len(arrays.knots):
-        knots = arrays.knots
-        k = min(max(int(np.searchsorted(knots, t)) - 1, 0), len(knots) - 2)
-        share = min(max((t - knots[k]) / (knots[k + 1] - knots[k]), 0.0), 1.0)
+        k, share = find_interval(arrays.knots, t)
         _add(arrays.forcing[k], (1 - share) * one, out)
         _add(arrays.forcing[k + 1], share * one, out)
     return out

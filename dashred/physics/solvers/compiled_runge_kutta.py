@@ -11,9 +11,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from dashred.physics.backends.knot_intervals import find_interval
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.solvers.batch_coefficients import CoefficientLayout
-from dashred.physics.solvers.compiled_step import find_interval
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.ode_rates import NO_COLUMN, Array, OdeRates, build_rates, set_rates
 from dashred.physics.solvers.schedule import schedule

@@ -17,6 +17,7 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
+from dashred.physics.backends.knot_intervals import find_interval
 from dashred.physics.backends.numba_backend import Array, Kernel
 from dashred.physics.solvers.schedule import Step
 
@@ -91,14 +92,6 @@ class TendencyArrays(NamedTuple):
     weights: Array
     knots: Array
     sampled_forcing: Modes
-
-
-@numba.njit(nogil=True, cache=True, error_model="numpy")
-def find_interval(knots: Array, t: float) -> tuple[int, float]:
-    """Return the index of the knot before ``t`` and the relative position to the next, 0 to 1."""
-    k = min(max(int(np.searchsorted(knots, t)) - 1, 0), len(knots) - 2)
-    fraction = (t - knots[k]) / (knots[k + 1] - knots[k])
-    return k, min(max(fraction, 0.0), 1.0)
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")

@@ -20,7 +20,7 @@ from dashred.physics.backends.torch_backend import Program
 from dashred.physics.cells.exponential import StepMatrices, step_matrices
 from dashred.physics.cells.integrate import CellStepper, Reference
 from dashred.physics.cells.linear_part import linear_part
-from dashred.physics.expressions.algebra import Expr, add, scale
+from dashred.physics.expressions.algebra import Expr
 from dashred.physics.expressions.semilinear import NotSemilinearError
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.solvers.forcing import Forcing
@@ -28,6 +28,7 @@ from dashred.physics.solvers.rhs import GridTendency
 from dashred.physics.solvers.schedule import schedule
 from dashred.physics.system import System, Term
 from dashred.physics.tangents.cell_slopes import CellJacobian
+from dashred.physics.tangents.semilinear_rhs import with_terms
 
 Array = NDArray[np.float64]
 
@@ -46,7 +47,7 @@ def has_cell_tangents(system: System, terms: Sequence[Term]) -> bool:
     if not system.has_conditions:
         return False
     try:
-        CellJacobian(system, _equations(system, terms, [1.0] * len(terms)))
+        CellJacobian(system, with_terms(system, terms, [1.0] * len(terms)))
     except (NotSemilinearError, ArithmeticError):
         return False
     return True
@@ -87,7 +88,7 @@ def tangent_cells(
     """
     extension = system.extension
     added = ([], []) if forcing is None else (forcing.terms, forcing.coefficients[0].tolist())
-    jacobian = CellJacobian(system, _equations(system, *added))
+    jacobian = CellJacobian(system, with_terms(system, *added))
     drive = _Sources(system, sources, forcing_basis)
     if reference is None:
         tendency = GridTendency(system, forcing, sampled_forcing)
@@ -184,16 +185,6 @@ class _Sources:
                 columns = slice(first + field * each, first + (field + 1) * each)
                 found[:, field, :, columns] += own.reshape(*own.shape[:2], each)
         return found.reshape(len(states), -1, before + self.count)
-
-
-def _equations(
-    system: System, terms: Sequence[Term], coefficients: Sequence[float]
-) -> dict[str, Expr]:
-    """Return the resolved equations with terms added."""
-    found = {field: [expr] for field, expr in system.resolved.items()}
-    for term, coefficient in zip(terms, coefficients, strict=True):
-        found[term.equation].append(scale(coefficient, term.expression))
-    return {field: add(parts) for field, parts in found.items()}
 
 
 def _whole(system: System, cells: Tensor, t: float) -> Tensor:

@@ -8,9 +8,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from dashred.physics.backends.knot_intervals import find_interval
 from dashred.physics.backends.stack_machine import evaluate
 from dashred.physics.backends.stack_program import StackPrograms
-from dashred.physics.solvers.compiled_step import find_interval
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -6,7 +6,7 @@ transforms all inputs, and one transforms all channels.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from dashred.physics.backends.knot_intervals import find_interval
 from dashred.physics.backends.numpy_backend import Array, Pointwise
 from dashred.physics.expressions.algebra import Expr, add, scale
 from dashred.physics.expressions.semilinear import Input, SemilinearForm, semilinear_form
@@ -21,11 +22,10 @@ from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.grids.fourier_symbols import symbols
 from dashred.physics.grids.spectral import Spectral
 from dashred.physics.grids.transforms import from_modes, to_modes
-from dashred.physics.solvers.compiled_step import find_interval
 from dashred.physics.solvers.etdrk4 import coefficients
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.rhs import dealias_mask
-from dashred.physics.system import System
+from dashred.physics.system import System, Term
 
 Modes = NDArray[Any]
 """Modes of the fields, ``(field, state, *modes)`` unless stated otherwise."""
@@ -37,13 +37,18 @@ def forced_semilinear_form(system: System, forcing: Forcing | None) -> Semilinea
     Raises:
         NotSemilinearError, ArithmeticError: see :func:`.semilinear.semilinear_form`.
     """
-    added = {field: [expr] for field, expr in system.resolved.items()}
-    if forcing is not None:
-        [coefficients] = forcing.coefficients.tolist()
-        for term, coefficient in zip(forcing.terms, coefficients, strict=True):
-            added[term.equation].append(scale(coefficient, term.expression))
-    equations = {field: add(terms) for field, terms in added.items()}
-    return semilinear_form(equations, [axis.name for axis in system.axes])
+    added = ([], []) if forcing is None else (forcing.terms, forcing.coefficients[0].tolist())
+    return semilinear_form(with_terms(system, *added), [axis.name for axis in system.axes])
+
+
+def with_terms(
+    system: System, terms: Sequence[Term], coefficients: Sequence[float]
+) -> dict[str, Expr]:
+    """Return the resolved equations with terms added."""
+    found = {field: [expr] for field, expr in system.resolved.items()}
+    for term, coefficient in zip(terms, coefficients, strict=True):
+        found[term.equation].append(scale(coefficient, term.expression))
+    return {field: add(parts) for field, parts in found.items()}
 
 
 def operator_symbol(system: System, operator: Expr) -> Modes:

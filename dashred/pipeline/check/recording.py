@@ -226,12 +226,14 @@ def _sampling_remarks(
         yield warning(
             f"{count} samples are few for finding a law", "record longer or at a shorter step"
         )
-    yield _correlation_remark(recording, lags)
+    yield _correlation_remark(recording, lags, estimated)
 
 
-def _correlation_remark(recording: Recording, lags: dict[str, int]) -> Remark:
+def _correlation_remark(
+    recording: Recording, lags: dict[str, int], estimated: NDArray[np.float64]
+) -> Remark:
     """Compare the noise of all samples and of every second one: white noise is equal in both."""
-    shares = _estimated_noise(recording) / recording.trace_std()
+    shares = estimated / recording.trace_std()
     names = [name for name, share in zip(recording.names, shares, strict=True) if share > NO_NOISE]
     fine = recording.select([name for name in names if lags.get(name, 0) >= 8])
     ratios = _estimated_noise(fine) / _estimated_noise(fine, every=2)

@@ -14,12 +14,12 @@ from dashred.core.errors import InputError, nearest
 from dashred.core.units import TIME
 from dashred.data.io.reader import read_episodes
 from dashred.data.io.stated_units import StatedUnits
-from dashred.data.io.tables.csv_table import Table, is_number, read_recording_table, read_table
+from dashred.data.io.tables.csv_table import Table, is_number, read_table
 from dashred.data.io.tables.table_layout import TableLayout, split_header
 from dashred.data.io.tables.time_column import TimeColumn, find_time_column, has_dates, read_times
 from dashred.data.recording import Recording
 from dashred.data.sensors import RESERVED
-from dashred.pipeline.init.layout import guess_layout, has_numbers, is_usable
+from dashred.pipeline.init.layout import has_numbers, is_usable, read_with_guessed_names
 
 SENSOR_COLUMNS = ("name", "field", "std", "unit")
 # Grid points of an axis by the number of axes.
@@ -109,8 +109,7 @@ def read_recording(
         InputError: the recording or the sensor table is invalid, or a name cannot be used in an
             equation.
     """
-    layout = guess_layout(path, is_ode=sensors_table is None)
-    table = read_recording_table(path, layout)
+    table, layout = read_with_guessed_names(path, is_ode=sensors_table is None)
     time = find_time_column(table, layout.step)
     times = time.columns
     driving = {name: name for name in (_input(table, layout, name) for name in inputs)}

@@ -31,8 +31,8 @@ from dashred.physics.expressions.parser import RESERVED as LANGUAGE
 STEP = 1.0
 
 
-def guess_layout(path: str, is_ode: bool) -> TableLayout:
-    """Return names for the columns of a recording.
+def read_with_guessed_names(path: str, is_ode: bool) -> tuple[Table, TableLayout]:
+    """Read a recording, and return it with names for its columns.
 
     A table without a header gets the names time, u1, u2, and so on. A column that may have the
     times is named time. If the columns are the fields of an ODE, names that cannot be used in an
@@ -47,9 +47,10 @@ def guess_layout(path: str, is_ode: bool) -> TableLayout:
     """
     if count := count_unnamed(path):
         names = tuple(f"u{i}" for i in range(count))
-        found = likely_times(read_recording_table(path, TableLayout(names)))
-        renamed = tuple("time" if name == found else name for name in names)
-        return TableLayout(renamed, step=None if found else STEP)
+        table = read_recording_table(path, TableLayout(names))
+        found = likely_times(table)
+        table = table.renamed({} if found is None else {"time": found})
+        return table, TableLayout(table.columns, step=None if found else STEP)
     table = read_recording_table(path, TableLayout())
     headers: dict[str, str] = {}
     likely = None if named_times(table) else likely_times(table)
@@ -68,7 +69,8 @@ def guess_layout(path: str, is_ode: bool) -> TableLayout:
                 if name != column:
                     headers[name] = column
                     taken.add(name)
-    return TableLayout(headers=headers, step=None if time.columns else STEP)
+    layout = TableLayout(headers=headers, step=None if time.columns else STEP)
+    return table.renamed(headers), layout
 
 
 def _runs(table: Table, time: TimeColumn) -> str | None:

@@ -6,8 +6,9 @@ import contextlib
 import csv
 import math
 from array import array
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 from typing import TextIO
 
@@ -29,6 +30,8 @@ from dashred.data.io.tables.table_layout import TableLayout
 
 # A table takes about thirteen times its size in memory, because every cell is a separate string.
 MAX_BYTES = 2**28
+# Rows that show how many columns a table has.
+HEAD_ROWS = 100
 SECONDS_AS_NUMBERS = "write times as numbers, for example seconds since the start: 0.25"
 
 
@@ -55,6 +58,13 @@ class Table:
     def __len__(self) -> int:
         """Count of rows, the header left out."""
         return len(self.rows)
+
+    def renamed(self, names: Mapping[str, str]) -> Table:
+        """Return the table with other names of some columns: the old name by the new one."""
+        new = {old: name for name, old in names.items()}
+        columns = tuple(new.get(column, column) for column in self.columns)
+        units = {new.get(column, column): unit for column, unit in self.units.items()}
+        return replace(self, columns=columns, units=units)
 
     def location(self, row: int, column: str | None = None) -> str:
         """Where a row or a cell stands: ``file.csv:17, column 'theta'``."""
@@ -142,16 +152,19 @@ def count_unnamed(path: str) -> int:
     Raises:
         InputError: as :func:`read_table`.
     """
-    text, rows, _ = _read_cells(path, find_recording)
+    text, rows, _ = _read_cells(path, find_recording, HEAD_ROWS)
     if text.has_header:
         return 0
     return len(rows[0]) - all(not row[-1].strip() for row in rows)
 
 
 def _read_cells(
-    path: str, find: Callable[[TextIO], TableText]
+    path: str, find: Callable[[TextIO], TableText], most: int | None = None
 ) -> tuple[TableText, list[list[str]], array[int]]:
-    """Return the cells of a file, and the line on which each row ends; blank lines are left out."""
+    """Return the cells of a file, and the line on which each row ends; blank lines are left out.
+
+    With ``most``, the file is read up to so many rows.
+    """
     rows: list[list[str]] = []
     lines = array("q")
     line = 0
@@ -160,7 +173,7 @@ def _read_cells(
             text = find(file)
             line = text.skipped
             reader = csv.reader(text.lines, delimiter=text.separator, strict=True)
-            for row in reader:
+            for row in islice(reader, most):
                 line = text.skipped + reader.line_num
                 if row:
                     rows.append(row)
