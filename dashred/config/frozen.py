@@ -57,6 +57,8 @@ def frozen_input(config: Settings) -> dict[str, Any]:
     name = system.pop("class_")
     if name is not None:
         system["class"] = name
+    if system["simulator"] is None:
+        del system["simulator"]
     if system["snapshots"] is None:
         del system["snapshots"]
     else:

@@ -139,7 +139,8 @@ def _missing_equations(tree: DictConfig) -> list[str]:
     if OmegaConf.select(tree, "system.snapshots") is not None:
         return []
     keys = [f"system.{key}" for key in REQUIRED_WITH_EQUATIONS]
-    if OmegaConf.select(tree, "system.class_") is not None:
+    external = "system.class_", "system.simulator"
+    if any(OmegaConf.select(tree, key) is not None for key in external):
         keys.remove("system.equations")
     return [key for key in keys if OmegaConf.select(tree, key) in (None, {})]
 

@@ -57,9 +57,11 @@ class Declaration:
             expr = self.parse(text, f"system.let.{name}")
             check_order(name, expr, self.lets, config.let, where)
             self.lets[name] = expr
+        # What a program computes has no expression: its equations contain what is added to it.
+        own = {} if config.simulator is None else dict.fromkeys(config.fields, "0")
         self.equations = {
             field: self.parse(text, f"system.equations.{field}", equation=field)
-            for field, text in config.equations.items()
+            for field, text in {**own, **config.equations}.items()
         }
         self.conditions = self._conditions()
         self._definitions = Definitions(config.parameters, self.lets, where)

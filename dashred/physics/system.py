@@ -19,6 +19,7 @@ from dashred.physics.declaration import Declaration
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import Expr
 from dashred.physics.expressions.parser import number
+from dashred.physics.external.program import Program, open_program
 from dashred.physics.grids.grid import Axis, Grid
 from dashred.physics.grids.grid_value import Value
 from dashred.physics.grids.operators import (
@@ -90,6 +91,11 @@ class System(Declaration):
         return Extension(self.grid.axes[0], conditions, self.input_signals)
 
     @property
+    def program(self) -> Program | None:
+        """The program that is stepped beside the equations; None if these are all there is."""
+        return None if self.config.simulator is None else open_program(self.config, self.where)
+
+    @property
     def axes(self) -> tuple[Axis, ...]:
         """The spatial axes; none for an ODE system."""
         return self.grid.axes
@@ -115,6 +121,8 @@ class System(Declaration):
         A term of a let may read the let itself, with its value before the change.
         """
         equations, lets = dict(self.config.equations), dict(self.config.let)
+        if self.program is not None:
+            equations = {**dict.fromkeys(self.fields, "0"), **equations}
         for term, coefficient in terms:
             name, expression = term.equation, term.expression
             if name in lets:

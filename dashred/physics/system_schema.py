@@ -89,6 +89,16 @@ class Integrator:
     """Absolute tolerance of adaptive methods."""
 
 
+@dataclass
+class ExternalSimulator:
+    """A simulator that is a program: it is stepped from a state, or run from a start."""
+
+    function: str | None = None
+    """``MODULE.FUNCTION`` with the arguments ``(state, t, dt, inputs, parameters)`` that returns
+    the state at ``t + dt``. A state is a dictionary of arrays by field. It runs only with
+    ``trust=MODULE.FUNCTION`` on the command line."""
+
+
 @dataclass(kw_only=True)
 class Structure:
     """A port-Hamiltonian form of the equations: ``(J - R)*dH/dx + G*u``; zeros may be omitted."""
@@ -146,6 +156,10 @@ class System:
     snapshots: str | None = None
     """Instead of equations: trajectories of a black-box simulator, as a NetCDF file (``.nc``) or
     a Zarr folder with one variable per field over ``(member, time, *axes)``."""
+
+    simulator: ExternalSimulator | None = None
+    """Instead of equations, or beside them: a program. The equations that are given, and the law
+    that is found, act after each of its steps."""
 
     class_: str | None = None
     """Instead of equations: ``MODULE.CLASS`` of a simulator in Python, whose code runs only with
