@@ -101,7 +101,9 @@ class System(Declaration):
         return self.grid.axes
 
     def refined(self) -> System:
-        """Return the same system at doubled resolution in space and time."""
+        """Return the same system at doubled resolution in space and time; a program, in time."""
+        if self.program is not None:
+            return self.with_step(self.dt / 2)
         axes = {
             name: dataclasses.replace(axis, points=axis.points * 2)
             for name, axis in self.config.axes.items()

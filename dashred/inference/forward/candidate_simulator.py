@@ -25,6 +25,7 @@ from dashred.physics.system import System, Term
 from dashred.physics.tangents.cell_tangents import has_cell_tangents, tangent_cells
 from dashred.physics.tangents.compiled_trajectory import CompiledTrajectory
 from dashred.physics.tangents.ode_tangents import has_ode_tangents, tangent_ode
+from dashred.physics.tangents.program_tangents import tangent_program
 from dashred.physics.tangents.tangent_linear import has_spectral_tangents, tangent_linear
 from dashred.physics.window import Shape, Window
 
@@ -64,7 +65,7 @@ class CandidateSimulator:
             self._columns[candidate.key] = [*range(first, first + len(candidate.terms))]
             first += len(candidate.terms)
         self._layout = CoefficientLayout(len(self.terms), shapes)
-        self.has_tangents = any(
+        self.has_tangents = system.program is not None or any(
             supports(system, self.terms)
             for supports in (has_spectral_tangents, has_ode_tangents, has_cell_tangents)
         )
@@ -161,6 +162,8 @@ class CandidateSimulator:
         See :meth:`.simulator.Simulator.tangents`.
         """
         base = self.tangent, start, directions, times, forcing, sources
+        if self.system.program is not None:
+            return tangent_program(*base, sampled_forcing, forcing_basis)
         if not self.system.axes:
             return tangent_ode(*base, sampled_forcing, forcing_basis)
         compiled = self.compiled

@@ -4,7 +4,9 @@ With the state x of one segment, started at its node x_k, and ``S = ∂x/∂(x_k
 
     x' = N(x, t) + Σ_j ξ_j θ_j(x, t)        S' = (N' + Σ_j ξ_j θ_j') S + (0, θ)
 
-Both are stepped by one Runge–Kutta method, so that S is the derivative of the discrete x.
+Both are stepped by one Runge–Kutta method, so that S is the derivative of the discrete x. Beside
+a program, N is what is added to it: a step of the program stands between two halves of a step
+(:mod:`dashred.physics.solvers.splitting`).
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.inference.forward.candidates import Candidate
+from dashred.inference.segments.program_step import ProgramStep
 from dashred.inference.segments.segments import Array, Segments
 from dashred.inference.segments.tendency import Tendency
 from dashred.physics.runge_kutta import CLASSICAL, Tableau
@@ -24,6 +27,8 @@ from dashred.physics.system import System
 
 # Used instead of an adaptive method, whose derivative would depend on its choice of steps.
 FALLBACK: Tableau = CLASSICAL
+# Halves of a step of the added terms, about one step of a program.
+HALVES = 2
 
 
 class SegmentSimulator:
@@ -39,9 +44,13 @@ class SegmentSimulator:
         self.systems, self.segments, self.substeps = tuple(systems), segments, substeps
         self.fields = len(systems[0].fields)
         self.tableau = systems[0].tableau or FALLBACK
+        program = systems[0].program
+        self.program = program and ProgramStep(program, systems[0].config.parameters)
+        # Runge-Kutta steps from one sample to the next.
+        self._parts = substeps if program is None else HALVES * substeps
         intervals = np.diff(segments.times, axis=1)
-        self._steps = np.repeat(intervals, substeps, axis=1).T / substeps
-        parts = np.arange(substeps) / substeps
+        self._steps = np.repeat(intervals, self._parts, axis=1).T / self._parts
+        parts = np.arange(self._parts) / self._parts
         begins = segments.times[:, :-1, None] + intervals[:, :, None] * parts
         self._begins = begins.reshape(segments.count, -1).T
         self._tendencies: dict[tuple[Candidate, ...], Tendency] = {}
@@ -83,7 +92,9 @@ class SegmentSimulator:
                     at = x + h * _combined(shares, rates)
                     rates.append(tendency.rates(at, xi, self._clock(i, stage), force))
                 x = x + h * _combined(self.tableau.b, rates)
-                if (i + 1) % self.substeps == 0:
+                if self.program is not None and i % HALVES == 0:
+                    x = self.program.advance(x, *self._program_clock(i))
+                if (i + 1) % self._parts == 0:
                     saved.append(x)
         return np.stack(saved, axis=1)
 
@@ -128,7 +139,10 @@ class SegmentSimulator:
                     slopes.append(slope)
                 x = x + h * _combined(self.tableau.b, rates)
                 s = s + h[:, :, None] * _combined(self.tableau.b, slopes)
-                if (i + 1) % self.substeps == 0:
+                if self.program is not None and i % HALVES == 0:
+                    x, carried = self.program.linearise(x, *self._program_clock(i))
+                    s = carried @ s
+                if (i + 1) % self._parts == 0:
                     saved.append(x)
                     columns.append(s)
         return np.stack(saved, axis=1), np.stack(columns, axis=1)
@@ -177,6 +191,16 @@ class SegmentSimulator:
     def _clock(self, step: int, stage: int) -> dict[str, Array]:
         """Return time and inputs at one stage, ``(segment,)`` each."""
         return self._clocks[step][stage]
+
+    def _program_clock(self, step: int) -> tuple[Array, Array, dict[str, Array]]:
+        """Return begin and length of a step of the program, and the inputs in its middle.
+
+        Args:
+            step: the first of its two halves.
+        """
+        begins, halves = self._begins[step], self._steps[step]
+        named = self._clock_at(begins + halves)
+        return begins, HALVES * halves, {name: named[name] for name in self.systems[0].inputs}
 
     @cached_property
     def _clocks(self) -> list[list[dict[str, Array]]]:

@@ -106,6 +106,8 @@ def compile_system(
         terms: all terms that a trajectory may have, with lets and parameters resolved.
         shapes: the possible factors of the windows of these terms.
     """
+    if system.program is not None:
+        return InterpretedSystem(system, tuple(terms), shapes)
     if not system.axes and system.tableau is not None:
         return CompiledRungeKutta(system, terms, shapes)
     with suppress(NotSemilinearError, ArithmeticError):

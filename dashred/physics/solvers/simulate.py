@@ -18,6 +18,7 @@ from dashred.physics.solvers.etdrk4 import StepperCache
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.rhs import GridTendency, SpectralTendency
 from dashred.physics.solvers.schedule import schedule
+from dashred.physics.solvers.splitting import AddedFlow, integrate_split
 from dashred.physics.system import System
 
 # An ODE runs in code that is compiled already; its programs cost as much as so many steps.
@@ -66,7 +67,10 @@ def simulate(
         with suppress(NotSemilinearError, ArithmeticError):
             if sampled_forcing is None:
                 return integrate_etdrk4(system, start, times, forcing, progress)
-    if system.spectral:
+    if system.program is not None:
+        added = AddedFlow(system, forcing, sampled_forcing)
+        states = integrate_split(system, added, start, [*schedule(times.tolist(), system.dt)])
+    elif system.spectral:
         tendency = SpectralTendency(system, forcing, start.device, sampled_forcing)
         states = _integrate_spectral(tendency, start, times.tolist())
     elif system.has_conditions:
@@ -107,7 +111,7 @@ def is_compilation_worthwhile(system: System, start: Tensor, span: float, terms:
         span: simulated time of all runs together.
         terms: number of additional terms that trajectories may have.
     """
-    if start.device.type != "cpu" or start.requires_grad:
+    if start.device.type != "cpu" or start.requires_grad or system.program is not None:
         return False
     if not (system.spectral or (system.tableau is not None and not system.axes)):
         return False

@@ -15,6 +15,7 @@ from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.physics.tangents.cell_tangents import has_cell_tangents, tangent_cells
 from dashred.physics.tangents.ode_tangents import has_ode_tangents, tangent_ode
+from dashred.physics.tangents.program_tangents import tangent_program
 from dashred.physics.tangents.tangent_linear import has_spectral_tangents, tangent_linear
 from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.remark import Remark, warning
@@ -159,6 +160,8 @@ def _tangents(
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Yield the state and the propagated modes at every sample."""
     start, times = nominal.states[0], nominal.times
+    if system.program is not None:
+        return tangent_program(system, start, modes, times, None, [])
     if system.axes and has_spectral_tangents(system, []):
         return tangent_linear(system, start, modes, times, None, [])
     if has_ode_tangents(system, []):

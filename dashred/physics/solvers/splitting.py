@@ -1,0 +1,119 @@
+"""Step a program and the terms that act beside it: Strang splitting.
+
+With the flow P of the program, and the flow L of the added terms::
+
+    u(t + h) = L_{h/2} P_h L_{h/2} u(t) + O(h³)
+
+The method has second order in the step (Strang, SIAM J. Numer. Anal. 5, 1968). Without added terms
+the program is run as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dashred.physics.expressions.algebra import ZERO
+from dashred.physics.external.program import Array, Program
+from dashred.physics.forcing_basis import SampledForcing
+from dashred.physics.runge_kutta import CLASSICAL, advance
+from dashred.physics.solvers.etdrk4 import StepperCache
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.rhs import GridTendency, SpectralTendency
+from dashred.physics.solvers.schedule import Step
+from dashred.physics.system import System
+
+
+class AddedFlow:
+    """The flow L of the terms beside a program: ``u' = Σ ξ θ(u) + f(x, t)``.
+
+    Attributes:
+        is_empty: whether there are no such terms.
+
+    Args:
+        system: its equations are what is added to the program.
+        forcing: further terms, with coefficients for each trajectory.
+        sampled_forcing: free forcing f of each trajectory.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        forcing: Forcing | None = None,
+        sampled_forcing: SampledForcing | None = None,
+    ) -> None:
+        has_terms = any(expr != ZERO for expr in system.resolved.values()) or (
+            forcing is not None and bool(forcing.coefficients.any())
+        )
+        self.is_empty = not has_terms and sampled_forcing is None
+        self.grid = system.grid
+        self._spectral: SpectralTendency | None = None
+        if system.spectral:
+            device = torch.device("cpu")
+            self._spectral = SpectralTendency(system, forcing, device, sampled_forcing)
+            self._steppers = StepperCache(self._spectral.linear, self._spectral)
+        else:
+            self._tendency = GridTendency(system, forcing, sampled_forcing)
+            self._tableau = system.tableau or CLASSICAL
+
+    def __call__(self, state: Tensor, t: float, h: float) -> Tensor:
+        """Return the states at ``t + h``, ``(batch, field, *grid)``."""
+        if self.is_empty:
+            return state
+        if self._spectral is None:
+            return advance(self._tableau, self._tendency, state, t, h)
+        modes = torch.fft.rfftn(state, dim=self.grid.dims)
+        # What the program puts into the highest modes is kept: the terms act on the others.
+        low = self._spectral.dealias(modes)
+        moved = self._steppers[h].step(low, t) - low
+        return state + torch.fft.irfftn(moved, s=self.grid.shape, dim=self.grid.dims)
+
+
+class ProgramFlow:
+    """The flow P of a system's program, with its parameters and inputs."""
+
+    def __init__(self, system: System) -> None:
+        assert system.program is not None
+        self.program: Program = system.program
+        self.parameters, self.signals = system.config.parameters, system.input_signals
+
+    def __call__(self, state: Tensor, t: float, h: float) -> Tensor:
+        """Return the states at ``t + h``, ``(batch, field, *grid)``."""
+        each = np.ones(len(state))
+        found = self.program.step(
+            state.numpy(), t * each, h * each, self.inputs(t * each, h * each), self.parameters
+        )
+        return torch.from_numpy(found)
+
+    def inputs(self, t: Array, h: Array) -> dict[str, Array]:
+        """Return the inputs in the middle of each step, ``(batch,)`` each."""
+        found = self.signals.at(t + h / 2)
+        return {name: np.broadcast_to(value, t.shape).copy() for name, value in found.items()}
+
+
+def integrate_split(
+    system: System,
+    added: AddedFlow,
+    start: Tensor,
+    steps: Sequence[Step],
+) -> Iterator[Tensor]:
+    """Yield the states ``(batch, field, *grid)`` at the start and at every output time.
+
+    Args:
+        system: with the program.
+        added: the flow of the terms beside it.
+        start: ``(batch, field, *grid)``.
+        steps: of the integration.
+    """
+    own, state = ProgramFlow(system), start
+    yield state
+    for step in steps:
+        half = step.h / 2
+        state = added(state, step.t, half)
+        state = own(state, step.t, step.h)
+        state = added(state, step.t + half, half)
+        if step.ends:
+            yield state

@@ -1,0 +1,160 @@
+"""Derivatives of the trajectory of a program by its start, the added terms and a free forcing.
+
+The equations of a program are not known. The columns are carried along the split steps
+(:mod:`dashred.physics.solvers.splitting`) by one-sided differences, renewed at every step::
+
+    P'(u) δ ≈ (P(u + ε δ) - P(u)) / ε
+
+If the state has fewer values than there are columns, the differences are those along its values.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Iterator, Sequence
+from itertools import product
+
+import torch
+from torch import Tensor
+
+from dashred.physics.backends.torch_backend import Program as Expressions
+from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.schedule import schedule
+from dashred.physics.solvers.splitting import AddedFlow, ProgramFlow
+from dashred.physics.system import System, Term
+from dashred.physics.tangents.semilinear_rhs import with_terms
+
+Flow = Callable[[Tensor, float, float], Tensor]
+# Rounding error of the added flow, and the smallest change in a difference.
+ROUNDING, SMALLEST = 1e-16, 1e-100
+
+
+@torch.no_grad()
+def tangent_program(
+    system: System,
+    start: Tensor,
+    directions: Tensor,
+    times: Tensor,
+    forcing: Forcing | None,
+    sources: Sequence[tuple[Term, ...]],
+    sampled_forcing: SampledForcing | None = None,
+    forcing_basis: ForcingBasis | None = None,
+) -> Iterator[tuple[Tensor, Tensor]]:
+    """Yield state and tangents at every output time.
+
+    The counterpart of :func:`dashred.physics.tangents.tangent_linear.tangent_linear` for programs.
+
+    Args:
+        system: with a program.
+        start: ``(field, *grid)`` at ``times[0]``, float64.
+        directions: ``∂u(0)/∂z``, ``(direction, field, *grid)``.
+        times: output times ``(time,)``.
+        forcing: one row of additional terms, part of the reference trajectory.
+        sources: column k is ``∂u(t)/∂ξ`` for ``∂u/∂t = … + ξ Σ_{θ in sources[k]} θ(u)`` at 0.
+        sampled_forcing: free forcing of the reference trajectory, one row.
+        forcing_basis: basis of a free forcing; one column ``∂u(t)/∂a`` for each coefficient a.
+
+    Yields:
+        The state ``(field, *grid)`` and the tangents ``(column, field, *grid)``, float64:
+        directions first, then sources, then basis functions.
+    """
+    own, added = ProgramFlow(system), AddedFlow(_with_law(system, forcing), None, sampled_forcing)
+    driven = _Sources(system, sources, forcing_basis)
+    columns = torch.zeros((len(directions) + driven.count, *start.shape), dtype=torch.float64)
+    columns[: len(directions)] = directions
+    state, first = start, len(directions)
+    # The largest size of each field so far: a field that crosses zero is no small field.
+    space = tuple(range(2, directions.dim()))
+    reach = torch.cat([start[None], directions]).abs().amax(dim=(0, *space))
+    yield state, columns.clone()
+
+    def half_step(state: Tensor, columns: Tensor, t: float, h: float) -> tuple[Tensor, Tensor]:
+        after, moved = state, columns
+        if not added.is_empty:
+            after, moved = _carried(added, state, columns, t, h, ROUNDING**0.5 * reach)
+        moved = moved.clone()
+        moved[first:] += h * driven((state + after) / 2, t + h / 2)
+        return after, moved
+
+    for step in schedule(times.tolist(), system.dt):
+        half = step.h / 2
+        state, columns = half_step(state, columns, step.t, half)
+        reach = torch.maximum(reach, state.abs().reshape(len(state), -1).amax(dim=1))
+        small = own.program.rounding**0.5 * reach
+        state, columns = _carried(own, state, columns, step.t, step.h, small)
+        state, columns = half_step(state, columns, step.t + half, half)
+        if step.ends:
+            yield state, columns
+
+
+def _with_law(system: System, forcing: Forcing | None) -> System:
+    """Return the system with the terms of a forcing of one row in its equations, for any batch."""
+    changed = copy.copy(system)
+    if forcing is not None:
+        [coefficients] = forcing.coefficients.tolist()
+        changed.resolved = with_terms(system, forcing.terms, coefficients)
+    return changed
+
+
+def _carried(
+    flow: Flow, state: Tensor, columns: Tensor, t: float, h: float, small: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Return the state after a step, and ``P'(u)`` times the columns.
+
+    Args:
+        flow: P.
+        state: u, ``(field, *grid)``.
+        columns: ``(column, field, *grid)``.
+        t: time.
+        h: step.
+        small: largest change of each field in a difference, ``(field,)``.
+    """
+    if state.numel() < len(columns):
+        unit = torch.eye(state.numel(), dtype=torch.float64).reshape(-1, *state.shape)
+        after, slopes = _carried(flow, state, unit, t, h, small)
+        moved = columns.flatten(1) @ slopes.flatten(1)
+        return after, moved.reshape(columns.shape)
+    limit = small.clamp(min=SMALLEST).reshape(-1, *(1,) * (state.dim() - 1))
+    size = (columns / limit).flatten(1).abs().amax(dim=1)
+    # A column of zeros stays zero.
+    alive = torch.nonzero(size > 0)[:, 0]
+    scaled = size[alive].reshape(-1, *(1,) * state.dim())
+    ends = flow(torch.cat([state[None], state + columns[alive] / scaled]), t, h)
+    moved = torch.zeros_like(columns)
+    moved[alive] = (ends[1:] - ends[0]) * scaled
+    return ends[0], moved
+
+
+class _Sources:
+    """What drives the columns of the coefficients: terms at a state, and a basis in time."""
+
+    def __init__(
+        self,
+        system: System,
+        sources: Sequence[tuple[Term, ...]],
+        forcing_basis: ForcingBasis | None,
+    ) -> None:
+        self.system, self.basis = system, forcing_basis
+        self.terms = len(sources)
+        self.count = self.terms + (0 if forcing_basis is None else forcing_basis.count)
+        self.places = [
+            (k, system.fields.index(term.equation)) for k, terms in enumerate(sources) for term in terms
+        ]
+        self.values = Expressions([term.expression for terms in sources for term in terms])
+
+    def __call__(self, state: Tensor, t: float) -> Tensor:
+        """Return the sources ``(column, field, *grid)`` at a state ``(field, *grid)``."""
+        system, shape = self.system, self.system.grid.shape
+        found = torch.zeros((self.count, *state.shape), dtype=torch.float64)
+        values = self.values(system.values(state[None], t), system.operators)
+        for (column, field), value in zip(self.places, values, strict=True):
+            points = torch.as_tensor(system.operators.on_grid(value), dtype=torch.float64)
+            found[column, field] += points.expand(1, *shape)[0]
+        if self.basis is not None:
+            fields, cells, courses = self.basis.shape
+            [hats] = self.basis.hats(torch.tensor([t], dtype=torch.float64).numpy())
+            places = product(range(fields), range(cells), range(courses))
+            for column, (field, cell, course) in enumerate(places, self.terms):
+                found[column, field] = self.basis.bumps[cell] * float(hats[course])
+        return found
