@@ -10,7 +10,8 @@ the program is run as it is.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 import torch
@@ -20,11 +21,15 @@ from dashred.physics.expressions.algebra import ZERO
 from dashred.physics.external.program import Array, Program
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.runge_kutta import CLASSICAL, advance
+from dashred.physics.solvers.compiled_runge_kutta import CompiledRungeKutta
 from dashred.physics.solvers.etdrk4 import StepperCache
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.rhs import GridTendency, SpectralTendency
 from dashred.physics.solvers.schedule import Step
 from dashred.physics.system import System
+
+
+Flow = Callable[[Tensor, float, float], Tensor]
 
 
 class AddedFlow:
@@ -49,27 +54,46 @@ class AddedFlow:
             forcing is not None and bool(forcing.coefficients.any())
         )
         self.is_empty = not has_terms and sampled_forcing is None
-        self.grid = system.grid
-        self._spectral: SpectralTendency | None = None
-        if system.spectral:
-            device = torch.device("cpu")
-            self._spectral = SpectralTendency(system, forcing, device, sampled_forcing)
-            self._steppers = StepperCache(self._spectral.linear, self._spectral)
-        else:
-            self._tendency = GridTendency(system, forcing, sampled_forcing)
-            self._tableau = system.tableau or CLASSICAL
+        parts = system, forcing, sampled_forcing
+        self._advance = _spectral_step(*parts) if system.spectral else _explicit_step(*parts)
 
     def __call__(self, state: Tensor, t: float, h: float) -> Tensor:
         """Return the states at ``t + h``, ``(batch, field, *grid)``."""
         if self.is_empty:
             return state
-        if self._spectral is None:
-            return advance(self._tableau, self._tendency, state, t, h)
-        modes = torch.fft.rfftn(state, dim=self.grid.dims)
+        return self._advance(state, t, h)
+
+
+def _spectral_step(
+    system: System, forcing: Forcing | None, sampled_forcing: SampledForcing | None
+) -> Flow:
+    tendency = SpectralTendency(system, forcing, torch.device("cpu"), sampled_forcing)
+    steppers, grid = StepperCache(tendency.linear, tendency), system.grid
+
+    def advance_modes(state: Tensor, t: float, h: float) -> Tensor:
         # What the program puts into the highest modes is kept: the terms act on the others.
-        low = self._spectral.dealias(modes)
-        moved = self._steppers[h].step(low, t) - low
-        return state + torch.fft.irfftn(moved, s=self.grid.shape, dim=self.grid.dims)
+        low = tendency.dealias(torch.fft.rfftn(state, dim=grid.dims))
+        moved = steppers[h].step(low, t) - low
+        return state + torch.fft.irfftn(moved, s=grid.shape, dim=grid.dims)
+
+    return advance_modes
+
+
+def _explicit_step(
+    system: System, forcing: Forcing | None, sampled_forcing: SampledForcing | None
+) -> Flow:
+    tableau = system.tableau or CLASSICAL
+    if system.axes:
+        return partial(advance, tableau, GridTendency(system, forcing, sampled_forcing))
+    terms, weights = ((), None) if forcing is None else (forcing.terms, forcing.coefficients)
+    compiled = CompiledRungeKutta(system, terms)
+
+    def advance_compiled(state: Tensor, t: float, h: float) -> Tensor:
+        own = state.new_zeros((len(state), 0)) if weights is None else weights
+        clock = torch.tensor([t, t + h], dtype=torch.float64)
+        return compiled(state, clock, own, sampled_forcing)[:, -1]
+
+    return advance_compiled
 
 
 class ProgramFlow:

@@ -14,9 +14,14 @@ from dashred.physics.expressions.algebra import ZERO, Expr
 from dashred.physics.expressions.differentiate import NotDifferentiableError, differentiate
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.solvers.forcing import Forcing
-from dashred.physics.solvers.schedule import schedule
+from dashred.physics.solvers.schedule import Step, schedule
 from dashred.physics.system import System, Term
-from dashred.physics.tangents.ode_columns import KnotForcing, LinearizedRates, integrate_columns
+from dashred.physics.tangents.ode_columns import (
+    Array,
+    KnotForcing,
+    LinearizedRates,
+    integrate_columns,
+)
 
 
 def has_ode_tangents(system: System, terms: Sequence[Term]) -> bool:
@@ -66,26 +71,72 @@ def tangent_ode(
         The state ``(field,)`` and the tangents ``(column, field)``, float64: directions first,
         then sources, then basis functions.
     """
-    assert system.tableau is not None
-    tableau, steps = system.tableau, list(schedule(times.tolist(), system.dt))
-    free = _knot_forcing(sampled_forcing, forcing_basis, len(directions) + len(sources))
-    basis = free.basis.shape[1] * len(system.fields)
-    states = np.zeros((len(times), len(system.fields)))
-    columns = np.zeros((len(times), free.first + basis, len(system.fields)))
-    states[0], columns[0, : len(directions)] = start.numpy(), directions.double().numpy()
-    integrate_columns(
-        _linearized_rates(system, forcing, sources, len(directions)),
-        free,
-        np.array([step.t for step in steps], dtype=np.float64),
-        np.array([step.h for step in steps], dtype=np.float64),
-        np.array([step.ends for step in steps], dtype=np.bool_),
-        np.array(tableau.square),
-        np.array(tableau.b),
-        np.array(tableau.c),
-        states,
-        columns,
+    steps = list(schedule(times.tolist(), system.dt))
+    integrator = OdeColumns(
+        system, forcing, sources, len(directions), sampled_forcing, forcing_basis
     )
-    yield from zip(torch.from_numpy(states), torch.from_numpy(columns), strict=True)
+    columns = np.zeros((integrator.count, len(system.fields)))
+    columns[: len(directions)] = directions.double().numpy()
+    found = integrator.advance(start.numpy(), columns, steps)
+    yield from zip(*map(torch.from_numpy, found), strict=True)
+
+
+class OdeColumns:
+    """Integrates one trajectory of an ODE system with its tangents.
+
+    Attributes:
+        count: number of columns.
+
+    Args:
+        system: a system for which :func:`has_ode_tangents` is true.
+        forcing: as in :func:`tangent_ode`, and so are the others.
+        sources: terms of further columns.
+        directions: number of columns of the start.
+        sampled_forcing: free forcing, one row.
+        forcing_basis: basis of a free forcing.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        forcing: Forcing | None,
+        sources: Sequence[tuple[Term, ...]],
+        directions: int,
+        sampled_forcing: SampledForcing | None = None,
+        forcing_basis: ForcingBasis | None = None,
+    ) -> None:
+        tableau = system.tableau
+        assert tableau is not None
+        first = directions + len(sources)
+        self._free = _knot_forcing(sampled_forcing, forcing_basis, first)
+        self._rates = _linearized_rates(system, forcing, sources, directions)
+        self._tableau = tuple(map(np.array, (tableau.square, tableau.b, tableau.c)))
+        self.count = first + self._free.basis.shape[1] * len(system.fields)
+
+    def advance(self, start: Array, columns: Array, steps: Sequence[Step]) -> tuple[Array, Array]:
+        """Return states ``(time, field)`` and columns ``(time, column, field)``.
+
+        The first are those of the start, the others those at the end of every interval.
+
+        Args:
+            start: ``(field,)``.
+            columns: ``(column, field)``.
+            steps: of the integration.
+        """
+        outputs = 1 + sum(step.ends for step in steps)
+        states, whole = np.empty((outputs, *start.shape)), np.empty((outputs, *columns.shape))
+        states[0], whole[0] = start, columns
+        integrate_columns(
+            self._rates,
+            self._free,
+            np.array([step.t for step in steps], dtype=np.float64),
+            np.array([step.h for step in steps], dtype=np.float64),
+            np.array([step.ends for step in steps], dtype=np.bool_),
+            *self._tableau,
+            states,
+            whole,
+        )
+        return states, whole
 
 
 @lru_cache(maxsize=4096)

@@ -11,21 +11,23 @@ If the state has fewer values than there are columns, the differences are those 
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import product
+from typing import Any, Protocol
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from dashred.physics.backends.torch_backend import Program as Expressions
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.solvers.forcing import Forcing
-from dashred.physics.solvers.schedule import schedule
-from dashred.physics.solvers.splitting import AddedFlow, ProgramFlow
+from dashred.physics.solvers.schedule import Step, schedule
+from dashred.physics.solvers.splitting import AddedFlow, Flow, ProgramFlow
 from dashred.physics.system import System, Term
+from dashred.physics.tangents.ode_tangents import OdeColumns
 from dashred.physics.tangents.semilinear_rhs import with_terms
 
-Flow = Callable[[Tensor, float, float], Tensor]
 # Rounding error of the added flow, and the smallest change in a difference.
 ROUNDING, SMALLEST = 1e-16, 1e-100
 
@@ -59,33 +61,51 @@ def tangent_program(
         The state ``(field, *grid)`` and the tangents ``(column, field, *grid)``, float64:
         directions first, then sources, then basis functions.
     """
-    own, added = ProgramFlow(system), AddedFlow(_with_law(system, forcing), None, sampled_forcing)
-    driven = _Sources(system, sources, forcing_basis)
-    columns = torch.zeros((len(directions) + driven.count, *start.shape), dtype=torch.float64)
-    columns[: len(directions)] = directions
-    state, first = start, len(directions)
+    flow, first = ProgramFlow(system), len(directions)
+    parts = forcing, sources, first, sampled_forcing, forcing_basis
+    added: HalfStep = GridColumns(system, *parts) if system.axes else _OdeColumns(system, *parts)
+    columns = torch.zeros((added.count, *start.shape), dtype=torch.float64)
+    columns[:first] = directions
+    state, reach = start, torch.cat([start[None], directions]).abs()
     # The largest size of each field so far: a field that crosses zero is no small field.
-    space = tuple(range(2, directions.dim()))
-    reach = torch.cat([start[None], directions]).abs().amax(dim=(0, *space))
-    yield state, columns.clone()
-
-    def half_step(state: Tensor, columns: Tensor, t: float, h: float) -> tuple[Tensor, Tensor]:
-        after, moved = state, columns
-        if not added.is_empty:
-            after, moved = _carried(added, state, columns, t, h, ROUNDING**0.5 * reach)
-        moved = moved.clone()
-        moved[first:] += h * driven((state + after) / 2, t + h / 2)
-        return after, moved
-
+    reach = reach.reshape(*reach.shape[:2], -1).amax(dim=(0, 2))
+    yield state, columns
     for step in schedule(times.tolist(), system.dt):
         half = step.h / 2
-        state, columns = half_step(state, columns, step.t, half)
+        state, columns = added(state, columns, step.t, half)
         reach = torch.maximum(reach, state.abs().reshape(len(state), -1).amax(dim=1))
-        small = own.program.rounding**0.5 * reach
-        state, columns = _carried(own, state, columns, step.t, step.h, small)
-        state, columns = half_step(state, columns, step.t + half, half)
+        small = flow.program.rounding**0.5 * reach
+        state, columns = carry(flow, state, columns, step.t, step.h, small)
+        state, columns = added(state, columns, step.t + half, half)
         if step.ends:
             yield state, columns
+
+
+class HalfStep(Protocol):
+    """Advances a state and its columns by the added terms.
+
+    Attributes:
+        count: number of columns.
+    """
+
+    count: int
+
+    def __call__(self, state: Tensor, columns: Tensor, t: float, h: float) -> tuple[Tensor, Tensor]:
+        """Return the state ``(field, *grid)`` and the columns ``(column, field, *grid)``."""
+
+
+class _OdeColumns:
+    """The half step of a system without axes, in compiled code."""
+
+    def __init__(self, system: System, *parts: Any) -> None:
+        self.columns = OdeColumns(system, *parts)
+        self.count = self.columns.count
+
+    def __call__(self, state: Tensor, columns: Tensor, t: float, h: float) -> tuple[Tensor, Tensor]:
+        """See :class:`HalfStep`."""
+        whole = Step(t, h, begins=True, ends=True)
+        states, moved = self.columns.advance(state.numpy(), columns.numpy(), [whole])
+        return torch.from_numpy(states[1]), torch.from_numpy(moved[1])
 
 
 def _with_law(system: System, forcing: Forcing | None) -> System:
@@ -97,7 +117,7 @@ def _with_law(system: System, forcing: Forcing | None) -> System:
     return changed
 
 
-def _carried(
+def carry(
     flow: Flow, state: Tensor, columns: Tensor, t: float, h: float, small: Tensor
 ) -> tuple[Tensor, Tensor]:
     """Return the state after a step, and ``P'(u)`` times the columns.
@@ -112,7 +132,7 @@ def _carried(
     """
     if state.numel() < len(columns):
         unit = torch.eye(state.numel(), dtype=torch.float64).reshape(-1, *state.shape)
-        after, slopes = _carried(flow, state, unit, t, h, small)
+        after, slopes = carry(flow, state, unit, t, h, small)
         moved = columns.flatten(1) @ slopes.flatten(1)
         return after, moved.reshape(columns.shape)
     limit = small.clamp(min=SMALLEST).reshape(-1, *(1,) * (state.dim() - 1))
@@ -126,34 +146,60 @@ def _carried(
     return ends[0], moved
 
 
-class _Sources:
-    """What drives the columns of the coefficients: terms at a state, and a basis in time."""
+class GridColumns:
+    """The half step of fields: differences of the flow, and the sources in its middle.
+
+    Args:
+        system: with a program.
+        forcing: as in :func:`tangent_program`, and so are the others.
+        sources: terms of further columns.
+        first: index of the first of these columns.
+        sampled_forcing: free forcing, one row.
+        forcing_basis: basis of a free forcing.
+    """
 
     def __init__(
         self,
         system: System,
+        forcing: Forcing | None,
         sources: Sequence[tuple[Term, ...]],
+        first: int,
+        sampled_forcing: SampledForcing | None,
         forcing_basis: ForcingBasis | None,
     ) -> None:
         self.system, self.basis = system, forcing_basis
-        self.terms = len(sources)
-        self.count = self.terms + (0 if forcing_basis is None else forcing_basis.count)
+        self.flow = AddedFlow(_with_law(system, forcing), None, sampled_forcing)
+        self.first, self.terms = first, len(sources)
+        self.driven = self.terms + (0 if forcing_basis is None else forcing_basis.count)
+        self.count = first + self.driven
         self.places = [
-            (k, system.fields.index(term.equation)) for k, terms in enumerate(sources) for term in terms
+            (k, system.fields.index(term.equation))
+            for k, terms in enumerate(sources)
+            for term in terms
         ]
         self.values = Expressions([term.expression for terms in sources for term in terms])
 
-    def __call__(self, state: Tensor, t: float) -> Tensor:
+    def __call__(self, state: Tensor, columns: Tensor, t: float, h: float) -> tuple[Tensor, Tensor]:
+        """See :class:`HalfStep`."""
+        after, moved = state, columns
+        if not self.flow.is_empty:
+            small = ROUNDING**0.5 * state.abs().reshape(len(state), -1).amax(dim=1)
+            after, moved = carry(self.flow, state, columns, t, h, small)
+        moved = moved.clone()
+        moved[self.first :] += h * self._sources((state + after) / 2, t + h / 2)
+        return after, moved
+
+    def _sources(self, state: Tensor, t: float) -> Tensor:
         """Return the sources ``(column, field, *grid)`` at a state ``(field, *grid)``."""
         system, shape = self.system, self.system.grid.shape
-        found = torch.zeros((self.count, *state.shape), dtype=torch.float64)
+        found = torch.zeros((self.driven, *state.shape), dtype=torch.float64)
         values = self.values(system.values(state[None], t), system.operators)
         for (column, field), value in zip(self.places, values, strict=True):
             points = torch.as_tensor(system.operators.on_grid(value), dtype=torch.float64)
             found[column, field] += points.expand(1, *shape)[0]
         if self.basis is not None:
             fields, cells, courses = self.basis.shape
-            [hats] = self.basis.hats(torch.tensor([t], dtype=torch.float64).numpy())
+            [hats] = self.basis.hats(np.array([t]))
             places = product(range(fields), range(cells), range(courses))
             for column, (field, cell, course) in enumerate(places, self.terms):
                 found[column, field] = self.basis.bumps[cell] * float(hats[course])
