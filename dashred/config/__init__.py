@@ -24,7 +24,7 @@ from dashred.config.commandline import (
 from dashred.config.frozen import config_sha256, frozen_input
 from dashred.config.layers import merge, prepare, where_in
 from dashred.config.parameter_spreads import write_out_spreads
-from dashred.config.python_class import check_trust, split_trust, trace_class
+from dashred.config.python_class import trace_class
 from dashred.config.removals import remove_entries
 from dashred.config.schema.recording import Recording, SensorSplit, Splits, TimeSplit
 from dashred.config.schema.settings import (
@@ -36,6 +36,7 @@ from dashred.config.schema.settings import (
     Tracking,
 )
 from dashred.config.source import Source, read_file
+from dashred.config.trust import check_trust, split_trust
 from dashred.core.arguments import COMMAND_LINE
 from dashred.physics.system_schema import Axis, Integrator, System
 
@@ -125,14 +126,15 @@ def build_config(
         overrides: what lies over it; its place is that of the key ``""``.
         name: of the system.
         source: its file, from whose folder its paths count; None counts from the working folder.
-        trust: ``MODULE.CLASS`` of a simulator in Python whose code may run.
+        trust: name of the class, function, FMU or command whose code may run.
 
     Raises:
         InputError: anything wrong in the values. That there is no recording is not checked.
     """
     written, overrides = remove_entries(write_out_spreads(written), overrides)
     defaults = prepare(read_file(BASE, label="conf/base.yaml"), folder=results_root())
-    system = prepare(written, folder=source.parent if source else Path.cwd())
+    folder = source.parent if source else Path.cwd()
+    system = prepare(written, folder=folder)
     check_private_keys(system)
     overrides = prepare(overrides, folder=Path.cwd())
     check_overrides(overrides, system)
@@ -140,7 +142,7 @@ def build_config(
     settings = merge(defaults, system, overrides)
     collect_units(settings.system, lines)
     where = where_in(lines)
-    check_trust(settings, trust, where)
+    check_trust(settings, trust, where, folder)
     if settings.system.class_ is not None:
         settings.system = trace_class(settings, where)
     check(settings, where)

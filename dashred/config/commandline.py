@@ -21,6 +21,9 @@ COMMAND_LINE_ONLY = ("output", "tracking.root", "tracking.run", "tracking.parent
 # Sections to which an override may add entries, and the section that has their names.
 NAMED_IN = {"spread": "fields", "parameter_spread": "parameters", "parameter_per": "parameters"}
 
+# Sections whose keys the schema defines.
+FIXED_KEYS = ("integrator", "simulator")
+
 USAGE = """\
 usage: dashred {entry} conf=SYSTEM [key=value ...]
 
@@ -30,7 +33,7 @@ usage: dashred {entry} conf=SYSTEM [key=value ...]
 
 A twin experiment, whose truth is hidden:  recording.twin=NAME
 Your own recording:                        recording.path=FILE [recording.sensors=TABLE.csv]
-Run the code of a system's Python class:   trust=MODULE.CLASS
+Run a system's class or simulator:         trust=NAME
 Resume a run that was interrupted:         dashred train resume=RUN_ID
 Every key with its meaning:                dashred reference
 
@@ -105,7 +108,7 @@ def check_overrides(overrides: Source, system: Source) -> None:
     declared: dict[str, Any] = system.values.get("system", {})
     for section, entries in overrides.values.get("system", {}).items():
         known = declared.get(section)
-        if not isinstance(entries, dict) or not isinstance(known, dict) or section == "integrator":
+        if not isinstance(entries, dict) or not isinstance(known, dict) or section in FIXED_KEYS:
             continue
         names = [*known, *declared.get(NAMED_IN.get(section, ""), {})]
         for name in entries:

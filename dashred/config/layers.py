@@ -19,7 +19,17 @@ from dashred.config.source import Source
 from dashred.core.errors import InputError
 from dashred.core.files.user_path import check_address, is_server, user_path
 
-PATHS = ("recording.path", "recording.sensors", "system.snapshots", "output", "tracking.root")
+PATHS = (
+    "recording.path",
+    "recording.sensors",
+    "system.snapshots",
+    "system.simulator.fmu",
+    "system.simulator.template",
+    "output",
+    "tracking.root",
+)
+# Its first word, and words that begin with ./ or ../, are paths.
+COMMAND = "system.simulator.command"
 # Required keys of a system that is declared by equations.
 REQUIRED_WITH_EQUATIONS = ("equations", "start")
 
@@ -48,6 +58,7 @@ def prepare(source: Source, *, folder: Path) -> Source:
     for key in PATHS:
         settled = store_root if key == "tracking.root" else absolute_path
         _edit(values, key, partial(settled, folder=folder, where=where(key)))
+    _edit(values, COMMAND, partial(absolute_words, folder=folder, where=where(COMMAND)))
     return Source(values, source.lines)
 
 
@@ -61,6 +72,20 @@ def absolute_path(text: str, *, folder: Path, where: str) -> str:
         what, hint = "this is a URL, not a local file or folder", "download it first"
         raise InputError(what, where=where, hint=hint)
     return abspath(folder / user_path(text, where))
+
+
+def absolute_words(words: list[str], *, folder: Path, where: str) -> list[str]:
+    """Return a command with absolute paths; a first word without a slash is found in ``PATH``.
+
+    Raises:
+        InputError: a word is not a valid path.
+    """
+    return [
+        absolute_path(word, folder=folder, where=where)
+        if word.startswith(("./", "../")) or (index == 0 and "/" in word)
+        else word
+        for index, word in enumerate(words)
+    ]
 
 
 def store_root(text: str, *, folder: Path, where: str) -> str:
@@ -252,10 +277,10 @@ def _type_error(value: Any, kind: Any, key: str, where: Where) -> InputError:
     return InputError(f"{key} must be {describe_kind(kind)}; got {got}", where=where(key))
 
 
-def _edit(values: dict[str, Any], key: str, change: Callable[[str], str]) -> None:
-    """Change one text in a nested dict, if it exists."""
+def _edit(values: dict[str, Any], key: str, change: Callable[[Any], Any]) -> None:
+    """Change one text, or list of texts, in a nested dict, if it exists."""
     *sections, name = key.split(".")
     for section in sections:
-        values = values.get(section, {})
-    if isinstance(values.get(name), str):
+        values = values.get(section) or {}
+    if isinstance(values.get(name), str | list):
         values[name] = change(values[name])

@@ -19,7 +19,7 @@ from dashred.physics.declaration import Declaration
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import Expr
 from dashred.physics.expressions.parser import number
-from dashred.physics.external.program import Program, open_program
+from dashred.physics.external import program as external
 from dashred.physics.grids.grid import Axis, Grid
 from dashred.physics.grids.grid_value import Value
 from dashred.physics.grids.operators import (
@@ -91,9 +91,13 @@ class System(Declaration):
         return Extension(self.grid.axes[0], conditions, self.input_signals)
 
     @property
-    def program(self) -> Program | None:
+    def program(self) -> external.Program | None:
         """The program that is stepped beside the equations; None if these are all there is."""
-        return None if self.config.simulator is None else open_program(self.config, self.where)
+        return (
+            None
+            if self.config.simulator is None
+            else external.open_program(self.config, self.where)
+        )
 
     @property
     def axes(self) -> tuple[Axis, ...]:

@@ -91,12 +91,18 @@ class Integrator:
 
 @dataclass
 class ExternalSimulator:
-    """A simulator that is a program: it is stepped from a state, or run from a start."""
+    """A simulator that is a program, which runs only if the command line names it: ``trust=NAME``.
+
+    One of function, run, fmu and command is given.
+    """
 
     function: str | None = None
     """``MODULE.FUNCTION`` with the arguments ``(state, t, dt, inputs, parameters)`` that returns
-    the state at ``t + dt``. A state is a dictionary of arrays by field. It runs only with
-    ``trust=MODULE.FUNCTION`` on the command line."""
+    the state at ``t + dt``. A state is a dictionary of arrays by field."""
+
+    run: str | None = None
+    """``MODULE.FUNCTION`` with the arguments ``(start, times, inputs, parameters)`` that returns
+    arrays over ``(time, *axes)`` by field, beginning with the start."""
 
 
 @dataclass(kw_only=True)

@@ -29,8 +29,8 @@ from dashred.inference.fit.law import SensorFault
 from dashred.inference.forward.candidates import ChangePrior
 from dashred.inference.results.corrected_system import with_parameters
 from dashred.inference.results.verdict import describe_fault
-from dashred.physics.external.snapshot_file import open_snapshots
-from dashred.physics.external.snapshots import Snapshots
+from dashred.physics.black_box.snapshot_file import open_snapshots
+from dashred.physics.black_box.snapshots import Snapshots
 from dashred.physics.hidden_state import HiddenState, with_hidden_states
 from dashred.physics.let_terms import build_let_terms
 from dashred.physics.library import build_library

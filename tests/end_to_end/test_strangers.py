@@ -18,7 +18,7 @@ from dashred.config import load_config
 from dashred.core.errors import InputError
 from dashred.core.files.external_links import check_folder, check_hdf5
 from dashred.data.io.read_netcdf import read_netcdf
-from dashred.physics.external.snapshot_file import open_snapshots
+from dashred.physics.black_box.snapshot_file import open_snapshots
 from dashred.physics.system import System
 from dashred.reporting.figures.style import new_figure, save_figure
 from tests.conftest import CHECKOUT, run_command

@@ -1,1 +1,1 @@
-"""Simulators given as Python code or as snapshots."""
+"""Programs that are stepped from a state: functions, FMUs and commands."""

@@ -32,7 +32,7 @@ class Definition:
         source: file of the configuration; None for a dict.
         overrides: values that override the configuration, by dotted or nested keys.
         places: names that error messages use for overrides that were arguments, by key.
-        trust: ``MODULE.CLASS`` of a simulator in Python whose code may run.
+        trust: name of the class, function, FMU or command whose code may run.
     """
 
     written: Source

@@ -83,7 +83,7 @@ class Problem:
                 of the fields.
             overrides: values that override the configuration, by dotted keys, such as
                 ``{"shred.lags": 30}``.
-            trust: ``MODULE.CLASS`` of a simulator in Python whose code may run.
+            trust: name of the class, function, FMU or command whose code may run.
 
         Raises:
             InputError: the configuration, an override or the recording is invalid.

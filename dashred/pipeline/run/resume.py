@@ -52,7 +52,7 @@ class Arguments:
         str, "DIR", "folder of the MLflow store", name="tracking.root", default=None
     )
     trust: str | None = argument(
-        str, "MODULE.CLASS", "the system's Python class, whose code may run", default=None
+        str, "NAME", "the system's class or simulator, whose code may run", default=None
     )
 
 

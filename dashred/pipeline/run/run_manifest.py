@@ -19,7 +19,7 @@ from typing import Any
 from dashred.config import Config, config_sha256
 from dashred.config.bundled_systems import PACKAGE
 from dashred.config.frozen import OUTPUT_SECTIONS, TWIN_ONLY
-from dashred.config.layers import PATHS
+from dashred.config.layers import COMMAND, PATHS
 from dashred.config.schema.settings import Settings
 from dashred.core.errors import InputError
 from dashred.core.files.atomic import write_text_atomic
@@ -153,21 +153,24 @@ def remove_checkpoints(folder: Path, output: Path) -> None:
 def _overrides(config: Config) -> list[str]:
     """Return the command-line settings, without output locations, and the paths of the input."""
     values = asdict(config)
-    settings = {MODEL: config.tracking.model}
+    settings: dict[str, Any] = {MODEL: config.tracking.model}
     for key, line in config.lines.items():
         section, _, name = key.partition(".")
         if line != config.override_place or not key or "[" in key or section in OUTPUT_SECTIONS:
             continue
         if section != "recording" or name not in RECORDING_ONLY:
             settings[key] = _value_at(values, key)
-    for key in PATHS:
-        if key.partition(".")[0] not in OUTPUT_SECTIONS and isinstance(_value_at(values, key), str):
-            settings[key] = _value_at(values, key)
+    for key in (*PATHS, COMMAND):
+        value = _value_at(values, key)
+        if key.partition(".")[0] not in OUTPUT_SECTIONS and isinstance(value, str | list):
+            settings[key] = value
     return [f"{key}={json.dumps(value, ensure_ascii=False)}" for key, value in settings.items()]
 
 
 def _value_at(values: Any, key: str) -> Any:
     for part in key.split("."):
+        if values is None:
+            return None
         # The key `class` is the attribute `class_`.
         values = values[part if part in values else f"{part}_"]
     return values

@@ -14,7 +14,7 @@ import xarray as xr
 from dashred.core.errors import InputError, run_entry
 from dashred.core.files.damaged_files import reading_errors
 from dashred.data.io.read_netcdf import read_netcdf
-from dashred.physics.external.snapshot_file import open_snapshots
+from dashred.physics.black_box.snapshot_file import open_snapshots
 from tests import laws
 
 

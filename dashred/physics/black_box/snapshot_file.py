@@ -11,7 +11,7 @@ from dashred.core.errors import InputError, nearest
 from dashred.core.files.damaged_files import reading_errors
 from dashred.core.files.external_links import check_folder, check_hdf5
 from dashred.core.units import TIME, check_same_unit, check_unit
-from dashred.physics.external.snapshots import Snapshots
+from dashred.physics.black_box.snapshots import Snapshots
 from dashred.physics.grids.grid import Axis
 from dashred.physics.system import System
 

@@ -13,9 +13,9 @@ from typing import Any, Protocol
 import torch
 from torch import Tensor
 
+from dashred.physics.black_box.tracing_values import NotTraceableError, Symbol, expression_of
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import Name
-from dashred.physics.external.tracing_values import NotTraceableError, Symbol, expression_of
 from dashred.physics.grids.grid_value import Value
 from dashred.physics.grids.operators import Operators
 from dashred.physics.solvers.rhs import GridTendency

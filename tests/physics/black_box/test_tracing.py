@@ -11,8 +11,8 @@ import torch
 
 from dashred.config import Axis, Integrator
 from dashred.config import System as Declared
-from dashred.physics.external.tracing import first_mismatch, trace
-from dashred.physics.external.tracing_values import NotTraceableError
+from dashred.physics.black_box.tracing import first_mismatch, trace
+from dashred.physics.black_box.tracing_values import NotTraceableError
 from dashred.physics.system import System
 
 Rule = Callable[[Any, Any, Any, Any], Any]

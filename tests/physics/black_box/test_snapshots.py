@@ -13,8 +13,8 @@ import xarray as xr
 from dashred.config import Axis, Integrator
 from dashred.config import System as Declared
 from dashred.core.errors import InputError
-from dashred.physics.external.snapshot_file import open_snapshots
-from dashred.physics.external.snapshots import Snapshots
+from dashred.physics.black_box.snapshot_file import open_snapshots
+from dashred.physics.black_box.snapshots import Snapshots
 from dashred.physics.system import System
 
 Change = Callable[[xr.Dataset], xr.Dataset]
@@ -94,7 +94,7 @@ def test_a_run_too_large_for_the_machine_is_refused_before_it_is_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     snapshots = open_snapshots(written(tmp_path, dataset()), declared())
-    monkeypatch.setattr("dashred.physics.external.snapshots.MAX_MEMORY_SHARE", 1e-12)
+    monkeypatch.setattr("dashred.physics.black_box.snapshots.MAX_MEMORY_SHARE", 1e-12)
     with pytest.raises(InputError, match="3 runs of 21 snapshots would take") as error:
         snapshots.read(3, 0.1, np.random.default_rng(0))
     assert "simulation.members" in str(error.value)

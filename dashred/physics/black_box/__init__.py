@@ -1,0 +1,1 @@
+"""Simulators given as Python code or as snapshots."""

@@ -1,0 +1,31 @@
+"""Programs that the user has trusted in this process; no other program is started."""
+
+from __future__ import annotations
+
+from dashred.core.errors import InputError
+
+_trusted: set[str] = set()
+
+
+def trust(name: str) -> None:
+    """Allow a program to run in this process; only the user's own words may lead here."""
+    _trusted.add(name)
+
+
+def check_trusted(name: str, place: str) -> None:
+    """Check that the user has trusted a program in this process.
+
+    Raises:
+        InputError: the program is not trusted.
+    """
+    if name not in _trusted:
+        raise not_trusted(name, place)
+
+
+def not_trusted(name: str, place: str) -> InputError:
+    """Return the error of a program that is not trusted."""
+    return InputError(
+        f"this system runs {name}, with all your permissions",
+        where=place,
+        hint=f"read it first; if you trust it, add trust={name} to the command line",
+    )

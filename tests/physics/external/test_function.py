@@ -1,0 +1,235 @@
+"""A function as a program: how it is called, and what is said when it breaks the rules."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from dashred.core.errors import InputError
+from dashred.physics.external.function import FunctionProgram, run_as_step
+
+NAME, PLACE = "mypkg.step", "mine.yaml:7"
+
+
+def opened(function: Callable[..., Any], *fields: str) -> FunctionProgram:
+    return FunctionProgram(function, fields or ("u",), NAME, PLACE)
+
+
+def stepped(program: FunctionProgram, states: np.ndarray, **over: Any) -> np.ndarray:
+    """Step states from different times, with steps of 0.1."""
+    t, dt = np.arange(float(len(states))), np.full(len(states), 0.1)
+    given = {"t": t, "dt": dt, "inputs": {}, "parameters": {"k": 2.0}} | over
+    return program.step(states, **given)
+
+
+def decay(state, t, dt, inputs, parameters):
+    """``du/dt = -k u``, in one step of Euler; one state or many."""
+    return {"u": state["u"] - dt * parameters["k"] * state["u"]}
+
+
+def shift(state, t, dt, inputs, parameters):
+    """Advection by one point: ``np.roll`` without an axis mixes the states of a batch."""
+    return {"u": np.roll(state["u"], 1)}
+
+
+def test_a_function_of_arrays_takes_all_states_in_one_call() -> None:
+    calls = []
+
+    def step(state, t, dt, inputs, parameters):
+        calls.append(np.shape(state["u"]))
+        return decay(state, t, dt, inputs, parameters)
+
+    program = opened(step)
+    states = 1 + np.arange(20.0).reshape(5, 1, 4)
+    dt = np.linspace(0.1, 0.3, 5)
+    found = stepped(program, states, dt=dt)
+    np.testing.assert_allclose(found, states * (1 - 2 * dt.reshape(-1, 1, 1)), rtol=1e-14)
+    assert calls[-2:] == [(5, 4), (4,)]  # the last is a check of one state
+    assert program.conduct.way.arrays and program.rounding == np.finfo(float).eps / 2
+
+
+def test_a_function_of_one_state_is_called_for_each() -> None:
+    program = opened(shift)
+    states = np.random.default_rng(0).normal(size=(3, 1, 6))
+    np.testing.assert_array_equal(stepped(program, states), np.roll(states, 1, axis=2))
+    assert not program.conduct.many
+
+
+def test_states_with_equal_steps_go_together_if_time_must_be_a_number() -> None:
+    calls = []
+
+    def step(state, t, dt, inputs, parameters):
+        calls.append(np.shape(state["u"]))
+        return {"u": state["u"] * float(np.exp(-dt))}
+
+    program = opened(step)
+    dt = np.array([0.1, 0.2, 0.1, 0.1])
+    found = stepped(program, np.ones((4, 1, 3)), dt=dt)
+    np.testing.assert_allclose(found[:, 0, 0], np.exp(-dt), rtol=1e-14)
+    assert not program.conduct.reads_time and calls[-3:-1] == [(3, 3), (1, 3)]
+
+
+def test_states_at_different_times_are_separate_if_the_time_is_read() -> None:
+    def step(state, t, dt, inputs, parameters):
+        return {"u": state["u"] + (dt if t > 1.5 else 0.0)}
+
+    program = opened(step)
+    found = stepped(program, np.ones((4, 1, 3)))
+    np.testing.assert_allclose(found[:, 0, 0], [1, 1, 1.1, 1.1])
+    assert program.conduct.reads_time and program.conduct.many
+
+
+def test_time_that_is_read_in_some_states_only_is_right() -> None:
+    def step(state, t, dt, inputs, parameters):
+        late = state["u"] + float(t) if np.max(state["u"]) > 5 else state["u"]
+        return {"u": late * float(dt)}
+
+    states = np.array([1.0, 2.0, 9.0]).reshape(3, 1, 1) * np.ones((3, 1, 2))
+    program = opened(step)
+    stepped(program, states[:2])
+    assert program.conduct.many and not program.conduct.reads_time
+    np.testing.assert_allclose(stepped(program, states)[:, 0, 0], [0.1, 0.2, 1.1])
+
+
+def test_states_that_are_mixed_by_some_batches_only_are_separated() -> None:
+    def step(state, t, dt, inputs, parameters):
+        substeps = int(np.ceil(np.abs(state["u"]).max() / 2))
+        return {"u": state["u"] * (1 - dt / substeps) ** substeps}
+
+    states = np.array([1.0, 1.5, 9.0]).reshape(3, 1, 1) * np.ones((3, 1, 2))
+    program = opened(step)
+    alone = np.concatenate([stepped(opened(step), states[[i]]) for i in range(3)])
+    stepped(program, states[:2])
+    assert program.conduct.many
+    found = stepped(program, states[::-1])
+    np.testing.assert_allclose(found, alone[::-1], rtol=1e-14)
+    assert not program.conduct.many
+
+
+def test_an_ode_of_plain_numbers_and_its_inputs() -> None:
+    import math
+
+    def step(state, t, dt, inputs, parameters):
+        return {"x": state["x"] + dt * math.cos(t) * inputs["f"], "v": float(state["v"])}
+
+    states = np.array([[0.0, 1.0], [2.0, 3.0]])
+    found = stepped(opened(step, "x", "v"), states, inputs={"f": np.array([1.0, 3.0])})
+    np.testing.assert_allclose(found, [[0.1, 1], [2 + 0.3 * np.cos(1), 3]])
+
+
+def test_torch_and_its_single_precision_are_seen() -> None:
+    def step(state, t, dt, inputs, parameters):
+        u = torch.as_tensor(state["u"], dtype=torch.float32).requires_grad_()
+        return {"u": u * (1 - torch.as_tensor(dt, dtype=torch.float32))}
+
+    program = opened(step)
+    found = stepped(program, np.ones((2, 1, 4)))
+    np.testing.assert_allclose(found, 0.9, rtol=1e-6)
+    assert program.rounding == np.finfo(np.float32).eps / 2
+
+
+def test_a_function_of_whole_runs_is_stepped() -> None:
+    def run(start, times, inputs, parameters):
+        decays = np.exp(-parameters["k"] * (np.asarray(times) - times[0]))
+        return {"u": [start["u"] * factor for factor in decays]}
+
+    program = opened(run_as_step(run, ("u",)))
+    states = 1 + np.arange(6.0).reshape(2, 1, 3)
+    np.testing.assert_allclose(stepped(program, states), states * np.exp(-0.2), rtol=1e-14)
+
+
+def test_seconds_of_a_call_are_measured() -> None:
+    def step(state, t, dt, inputs, parameters):
+        time.sleep(0.02)
+        return state
+
+    program = opened(step)
+    stepped(program, np.ones((1, 1, 2)))
+    assert 0.02 <= program.seconds < 0.2
+
+
+def in_place(state, t, dt, inputs, parameters):
+    state["u"] *= 0.9
+    return state
+
+
+def counted() -> Callable[..., Any]:
+    calls: list[int] = []
+
+    def step(state, t, dt, inputs, parameters):
+        calls.append(1)
+        return {"u": state["u"] + len(calls)}
+
+    return step
+
+
+def broken(state, t, dt, inputs, parameters):
+    return {"u": state["w"]}
+
+
+FAULTS: dict[str, tuple[Callable[..., Any], str]] = {
+    "in place": (in_place, "changes its argument: the array of u\n  copy it first"),
+    "memory": (
+        counted(),
+        "returns results that differ by 2 for the same state\n  a state must hold all",
+    ),
+    "raises": (broken, r"fails: KeyError: 'w' \(.*test_function.py:\d+\)"),
+    "exits": (lambda *_: exit(3), "fails: SystemExit: 3"),
+    "arguments": (lambda state: state, "fails: TypeError: .*takes 1 positional argument"),
+    "no field": (lambda *_: {"w": 1}, "returns no field u, but w"),
+    "array": (
+        lambda s, *_: s["u"],
+        "returns ndarray, not a dictionary of fields\n  return {'u': …}",
+    ),
+    "shape": (
+        lambda s, *_: {"u": s["u"][:-1]},
+        r"returns u with the shape \(3,\) instead of \(4,\)",
+    ),
+    "complex": (lambda s, *_: {"u": 1j * s["u"]}, "returns u as complex128"),
+    "text": (lambda s, *_: {"u": "a"}, "returns u as <U1, not as real numbers"),
+    "NaN": (
+        lambda s, *_: {"u": s["u"] * np.nan},
+        "returns values of u that are not finite, at t = 0",
+    ),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_function_that_breaks_the_rules_is_refused(fault: str) -> None:
+    function, said = FAULTS[fault]
+    with pytest.raises(InputError, match=f"(?s){PLACE}: {NAME} {said}"):
+        stepped(opened(function), np.ones((2, 1, 4)))
+
+
+def test_a_state_that_fails_later_is_nan_and_the_others_stay() -> None:
+    def step(state, t, dt, inputs, parameters):
+        if np.any(state["u"] > 50):
+            raise OverflowError("too fast")
+        return {"u": np.exp(state["u"])}
+
+    program = opened(step)
+    states = np.array([0.0, 100.0, 1.0]).reshape(3, 1, 1)
+    stepped(program, states[:1])
+    found = stepped(program, states)[:, 0, 0]
+    np.testing.assert_allclose(found, [1, np.nan, np.e])
+    assert program.failure is not None and "OverflowError: too fast (" in program.failure
+
+    calm = opened(lambda s, *_: {"u": s["u"] ** 200})
+    stepped(calm, np.ones((1, 1, 2)))
+    found = stepped(calm, np.array([[[1.0, 1.0]], [[2.0, 1e9]]]))
+    np.testing.assert_array_equal(np.isnan(found[:, 0]), [[False, False], [True, True]])
+    assert calm.failure == f"{NAME} returns values that are not finite, at t = 1"
+
+
+@pytest.mark.parametrize("times", [1, 3])
+def test_a_run_at_other_times_is_refused(times: int) -> None:
+    def run(start, *_):
+        return {"u": [start["u"]] * times}
+
+    with pytest.raises(InputError, match=f"returns u at {times} times instead of 2"):
+        stepped(opened(run_as_step(run, ("u",))), np.ones((1, 1, 2)))
