@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from dashred.physics import system_schema as schema
 from dashred.physics.expressions import algebra
+from dashred.physics.external.stepped_fields import stepped_fields
 from dashred.physics.system import System
 
 Array = NDArray[np.float64]
@@ -63,8 +64,12 @@ def with_hidden_states(config: schema.System, states: Sequence[HiddenState]) -> 
         own = {each.name: config.units.get(each.follows), each.constant: config.units.get("t")}
         units |= {name: unit for name, unit in own.items() if unit}
     spreads = {s.constant: s.tau_spread for s in states if s.tau_spread}
+    simulator = config.simulator
+    if simulator is not None:
+        simulator = replace(simulator, fields=list(stepped_fields(config)))
     return replace(
         config,
+        simulator=simulator,
         fields={
             **config.fields,
             **{s.name: f"hidden state that follows {s.follows}" for s in states},

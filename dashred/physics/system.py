@@ -19,7 +19,8 @@ from dashred.physics.declaration import Declaration
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import Expr
 from dashred.physics.expressions.parser import number
-from dashred.physics.external import program as external
+from dashred.physics.external import protocol
+from dashred.physics.external.program import open_program
 from dashred.physics.grids.grid import Axis, Grid
 from dashred.physics.grids.grid_value import Value
 from dashred.physics.grids.operators import (
@@ -91,13 +92,18 @@ class System(Declaration):
         return Extension(self.grid.axes[0], conditions, self.input_signals)
 
     @property
-    def program(self) -> external.Program | None:
+    def program(self) -> protocol.Program | None:
         """The program that is stepped beside the equations; None if these are all there is."""
-        return (
-            None
-            if self.config.simulator is None
-            else external.open_program(self.config, self.where)
-        )
+        return None if self.config.simulator is None else open_program(self.config, self.where)
+
+    def reads_time(self, *further: Expr) -> bool:
+        """Return whether the system, or a further expression, depends on time or on inputs.
+
+        A program is taken to depend on time only through its inputs.
+        """
+        whole = (*self.resolved.values(), *further)
+        by_program = self.program is not None and bool(self.inputs)
+        return by_program or any(self.clock & algebra.names(expr) for expr in whole)
 
     @property
     def axes(self) -> tuple[Axis, ...]:

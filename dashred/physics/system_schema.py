@@ -104,6 +104,9 @@ class ExternalSimulator:
     """``MODULE.FUNCTION`` with the arguments ``(start, times, inputs, parameters)`` that returns
     arrays over ``(time, *axes)`` by field, beginning with the start."""
 
+    fields: list[str] | None = None
+    """Fields that the program steps; null for all. The others have equations."""
+
 
 @dataclass(kw_only=True)
 class Structure:

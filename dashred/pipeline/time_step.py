@@ -79,11 +79,14 @@ def _allowed_change(
 ) -> Tensor:
     """Return the allowed change of each sensor over one segment, ``(sensor,)``.
 
-    The resolution check of fields is over the record, where the changes of all segments add up.
+    The changes of all segments add up over the record. An ODE system whose phase is off by as much
+    as the noise would be given a term that turns it back.
     """
     std = recording.trace_std()
-    count = max(1.0, len(recording.times) / SAMPLES) if has_axes else 1.0
+    count = max(1.0, len(recording.times) / SAMPLES)
     by_noise = NOISE_SHARE * np.maximum(noise, LEAST_NOISE * std)
+    if not has_axes:
+        by_noise = by_noise / count
     return torch.from_numpy(np.minimum(by_noise, limit * std / count)).clamp(min=SMALLEST)
 
 

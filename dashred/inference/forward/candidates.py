@@ -20,6 +20,7 @@ from dashred.physics.library import COLLINEARITY_TOLERANCE, evaluate_terms, reso
 from dashred.physics.parameter_sensitivity import parameter_tendency
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
+from dashred.physics.tendency_size import tendency_size
 from dashred.physics.window import Window
 
 
@@ -112,7 +113,8 @@ def build_candidates(
         for term in let_terms
     ]
     found = [c for c in parameters if c.terms or c.prior] + terms + shared
-    columns = torch.stack([_column(system, c, nominal, t) for c in found])
+    rms = tendency_size(system, nominal, t)
+    columns = torch.stack([_column(system, c, nominal, t, rms) for c in found])
     sizes = columns.norm(dim=1)
     independent: list[int] = []
     aliases: dict[int, list[str]] = {}
@@ -163,11 +165,11 @@ def replaced_terms(
         t: time of all states, or of each, ``(time,)``.
     """
     replaced = {name for candidate in candidates for name in candidate.replaces}
-    found = []
+    rms, found = tendency_size(system, nominal, t), []
     for term, ready in zip(library, resolve(system, library), strict=True):
         candidate = Candidate(str(term), term.equation, (ready,), 1.0)
         if candidate.key in replaced:
-            size = float(_column(system, candidate, nominal, t).norm())
+            size = float(_column(system, candidate, nominal, t, rms).norm())
             scale = math.sqrt(nominal[:, 0].numel()) / size
             found.append(
                 replace(candidate, scale=scale, limit=stable_limit(system, candidate.terms))
@@ -193,10 +195,10 @@ def _parameter(system: System, name: str, prior: ChangePrior | None) -> Candidat
     return Candidate(name, None, terms, 1.0, prior=prior)
 
 
-def _column(system: System, candidate: Candidate, states: Tensor, t: float | Tensor) -> Tensor:
+def _column(
+    system: System, candidate: Candidate, states: Tensor, t: float | Tensor, rms: Tensor
+) -> Tensor:
     """Return the tendency of a candidate, in units of the rms tendency of each equation."""
-    own = [Term(f, system.equations[f]) for f in system.fields]
-    rms = evaluate_terms(system, own, states, t).flatten(1).square().mean(dim=1).sqrt()
     columns = torch.zeros((len(system.fields), states[:, 0].numel()), dtype=torch.float64)
     if not candidate.terms:
         return columns.flatten()

@@ -121,7 +121,9 @@ def _names(system: System, terms: Sequence[Term], sensors: Sequence[Sensor]) -> 
     quantities = dict.fromkeys(sensor.reads for sensor in sensors)
     read = [system.resolve(system.parse(name, name), name) for name in quantities]
     every = [*system.resolved.values(), *(t.expression for t in resolve(system, terms)), *read]
-    return frozenset[str]().union(*map(names, every))
+    # Nothing is known of a program: it may depend on position.
+    places = [axis.name for axis in system.axes if system.program is not None]
+    return frozenset(places).union(*map(names, every))
 
 
 def _state_shifts(system: System, dependencies: frozenset[str]) -> list[tuple[int, ...]]:

@@ -9,7 +9,6 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
-from dashred.physics.expressions.algebra import Expr, names
 from dashred.physics.library import resolve
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
@@ -95,7 +94,7 @@ def forecast_steps(
     path = torch.cat(
         [
             simulate(system, fields[group], times[int(group[0]) : int(group[0]) + longest + 1])
-            for group in _groups(list(system.resolved.values()), system.clock, begins)
+            for group in _groups(system.reads_time(), begins)
         ]
     )
     time = float(times[begins[0]])
@@ -129,13 +128,13 @@ def tangents(
         steps: forecasts of all lengths, from the same begins.
     """
     terms = resolve(system, library)
-    read = [*system.resolved.values(), *(term.expression for term in terms)]
+    reads_time = system.reads_time(*(term.expression for term in terms))
     longest = max(steps, key=lambda step: step.path.shape[1])
     marches = [
         _march(system, terms, scales, fields, times, group, path)
         for group, path in zip(
-            _groups(read, system.clock, longest.begins),
-            _groups(read, system.clock, longest.path),
+            _groups(reads_time, longest.begins),
+            _groups(reads_time, longest.path),
             strict=True,
         )
     ]
@@ -169,7 +168,6 @@ def _march(
     return found
 
 
-def _groups(read: Sequence[Expr], clock: frozenset[str], values: Tensor) -> tuple[Tensor, ...]:
-    """Split values by begin if an expression depends on time; otherwise return one group."""
-    reads_time = any(clock & names(expression) for expression in read)
+def _groups(reads_time: bool, values: Tensor) -> tuple[Tensor, ...]:
+    """Split values by begin if the equations depend on time; otherwise return one group."""
     return values.split(1 if reads_time else len(values))

@@ -26,7 +26,8 @@ from dashred.inference.results.regime import active_states
 from dashred.inference.results.source_of_law import source_of_discovery
 from dashred.physics.expressions import algebra
 from dashred.physics.library import evaluate_terms
-from dashred.physics.system import System, Term
+from dashred.physics.system import System
+from dashred.physics.tendency_size import tendency_size
 
 # Largest number of points of the profile in time.
 LONGEST_PROFILE = 200
@@ -137,8 +138,7 @@ def law_tendency(system: System, law: Law, states: Tensor, times: Tensor) -> Ten
     The part of each equation is in units of the rms of its tendency N over the trajectory, which
     makes equations with different units comparable.
     """
-    own = [Term(field, system.equations[field]) for field in system.fields]
-    rms = evaluate_terms(system, own, states, times).flatten(1).square().mean(dim=1).sqrt()
+    rms = tendency_size(system, states, times)
     ratios = torch.zeros_like(states, dtype=torch.float64)
     for candidate, value in zip(law.candidates, law.coefficients.tolist(), strict=True):
         columns = evaluate_terms(system, candidate.terms, states, times)

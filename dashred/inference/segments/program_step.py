@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dashred.inference.segments.segments import Array
-from dashred.physics.external.program import Program
+from dashred.physics.external.protocol import Program
 
 # Smallest change in a difference, as a share of the largest value of any field.
 SMALLEST = 1e-12

@@ -44,8 +44,8 @@ class SegmentSimulator:
         self.systems, self.segments, self.substeps = tuple(systems), segments, substeps
         self.fields = len(systems[0].fields)
         self.tableau = systems[0].tableau or FALLBACK
-        program = systems[0].program
-        self.program = program and ProgramStep(program, systems[0].config.parameters)
+        program, known = systems[0].program, systems[0].config.parameters
+        self.program = None if program is None else ProgramStep(program, known)
         # Runge-Kutta steps from one sample to the next.
         self._parts = substeps if program is None else HALVES * substeps
         intervals = np.diff(segments.times, axis=1)
@@ -164,6 +164,10 @@ class SegmentSimulator:
         with np.errstate(all="ignore"):
             xi = np.zeros(len(candidates))
             rates, _, terms = tendency.linearise(nodes, xi, self._clock(0, 0))
+            if self.program is not None:
+                begins, steps, inputs = self._program_clock(0)
+                ends = self.program.advance(nodes, begins, steps, inputs)
+                rates = rates + (ends - nodes) / steps[:, None]
         return rates, terms, tendency.equations, tendency.owners
 
     @cached_property

@@ -1,65 +1,18 @@
-"""A simulator that is a program: a function, an FMU or a command that steps states.
-
-Its equations are not known. A law acts beside it by operator splitting
-(:mod:`dashred.physics.solvers.splitting`).
-"""
+"""Open the program of a system."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import lru_cache
-from typing import Protocol
-
-import numpy as np
-from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
 from dashred.physics.external.function import FunctionProgram, run_as_step
+from dashred.physics.external.partial import PartialProgram
+from dashred.physics.external.protocol import Program
+from dashred.physics.external.stepped_fields import stepped_fields
 from dashred.physics.external.trust import check_trusted
 from dashred.physics.external.user_code import last_words, load
 from dashred.physics.system_schema import System
-
-Array = NDArray[np.float64]
-
-
-class Program(Protocol):
-    """A program that advances states.
-
-    The first call of :meth:`step` examines it; ``rounding`` and ``seconds`` are known after that.
-    """
-
-    @property
-    def rounding(self) -> float:
-        """Relative rounding error of its results, such as 1e-16 or 6e-8."""
-
-    @property
-    def seconds(self) -> float:
-        """Duration of one call with one state."""
-
-    @property
-    def failure(self) -> str | None:
-        """What it said when it last failed: an exception with its place, or lines of stderr."""
-
-    def step(
-        self,
-        states: Array,
-        t: Array,
-        dt: Array,
-        inputs: Mapping[str, Array],
-        parameters: Mapping[str, float],
-    ) -> Array:
-        """Return the states after a step, ``(batch, field, *grid)``; NaN where it fails.
-
-        Args:
-            states: ``(batch, field, *grid)``, in the order of the system's fields; not changed.
-            t: time of each state, ``(batch,)``.
-            dt: length of the step from each, ``(batch,)``.
-            inputs: values in the middle of the step by name, ``(batch,)`` each.
-            parameters: values by name.
-
-        Raises:
-            InputError: in the first call, if the program does not keep to the protocol.
-        """
 
 
 def open_program(config: System, where: Callable[[str], str]) -> Program:
@@ -79,7 +32,10 @@ def open_program(config: System, where: Callable[[str], str]) -> Program:
     assert name is not None
     place = where(f"system.simulator.{key}")
     check_trusted(name, place)
-    return _open_function(name, key == "run", tuple(config.fields), place)
+    own = stepped_fields(config)
+    program = _open_function(name, key == "run", own, place)
+    places = [i for i, field in enumerate(config.fields) if field in own]
+    return program if len(places) == len(config.fields) else PartialProgram(program, places)
 
 
 @lru_cache

@@ -16,6 +16,7 @@ from dashred.physics.library import evaluate_terms, resolve
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import Progress, simulate
 from dashred.physics.system import System, Term
+from dashred.physics.tendency_size import tendency_size
 
 MAX_ROUNDS = 20
 # Give up if, after this many rounds, less than this share of the members has been found.
@@ -79,8 +80,7 @@ def term_scales(
         nominal: its states, ``(time, field, *grid)``.
         t: one time for all states, or the time of each, ``(time,)``.
     """
-    tendencies = [Term(f, system.equations[f]) for f in system.fields]
-    rms = evaluate_terms(system, tendencies, nominal, t).flatten(1).pow(2).mean(1).sqrt()
+    rms = tendency_size(system, nominal, t)
     columns = evaluate_terms(system, library, nominal, t).flatten(1).pow(2).mean(1).sqrt()
     of_equation = [system.fields.index(term.equation) for term in library]
     return rms[of_equation] / columns.clamp(min=1e-12)

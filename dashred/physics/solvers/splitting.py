@@ -18,7 +18,7 @@ import torch
 from torch import Tensor
 
 from dashred.physics.expressions.algebra import ZERO
-from dashred.physics.external.program import Array, Program
+from dashred.physics.external.protocol import Array, Program
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.runge_kutta import CLASSICAL, advance
 from dashred.physics.solvers.compiled_runge_kutta import CompiledRungeKutta
@@ -27,7 +27,6 @@ from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.rhs import GridTendency, SpectralTendency
 from dashred.physics.solvers.schedule import Step
 from dashred.physics.system import System
-
 
 Flow = Callable[[Tensor, float, float], Tensor]
 

@@ -110,7 +110,7 @@ class OdeColumns:
         first = directions + len(sources)
         self._free = _knot_forcing(sampled_forcing, forcing_basis, first)
         self._rates = _linearized_rates(system, forcing, sources, directions)
-        self._tableau = tuple(map(np.array, (tableau.square, tableau.b, tableau.c)))
+        self._tableau = tableau
         self.count = first + self._free.basis.shape[1] * len(system.fields)
 
     def advance(self, start: Array, columns: Array, steps: Sequence[Step]) -> tuple[Array, Array]:
@@ -132,7 +132,9 @@ class OdeColumns:
             np.array([step.t for step in steps], dtype=np.float64),
             np.array([step.h for step in steps], dtype=np.float64),
             np.array([step.ends for step in steps], dtype=np.bool_),
-            *self._tableau,
+            np.array(self._tableau.square),
+            np.array(self._tableau.b),
+            np.array(self._tableau.c),
             states,
             whole,
         )

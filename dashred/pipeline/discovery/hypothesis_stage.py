@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from torch import Tensor
-
 from dashred.core.budget import NEVER
 from dashred.core.progress import Report
 from dashred.inference.fit.fitted_law import build_law
@@ -23,8 +21,7 @@ from dashred.inference.hypotheses.extended.extended_library import build_extende
 from dashred.inference.hypotheses.free_forcing import fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN, MIN_FORCING_GAIN
-from dashred.physics.library import evaluate_terms
-from dashred.physics.system import System, Term
+from dashred.physics.tendency_size import tendency_size
 from dashred.physics.window import window_shapes
 from dashred.pipeline.discovery.first_guess_stage import FittedGuess
 from dashred.pipeline.discovery.least_squares import exact_simulator, fit_noise
@@ -256,9 +253,3 @@ def _with_candidates(
     return objective.with_unknowns(
         replace(forward_model, law=law), weak * law.scales[len(objective.prior_std) :]
     )
-
-
-def tendency_size(system: System, states: Tensor, times: Tensor) -> Tensor:
-    """Return the rms of the right-hand side of each equation over a simulation, ``(equation,)``."""
-    tendencies = [Term(field, system.equations[field]) for field in system.fields]
-    return evaluate_terms(system, tendencies, states, times).flatten(1).square().mean(dim=1).sqrt()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from dashred.physics.library import check_collinear, uninformative_terms
+from dashred.physics.program_definitions import program_definitions
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.state_samples import StateSamples
 
@@ -31,6 +32,15 @@ def keep_identifiable_terms(problem: Problem, samples: StateSamples) -> Problem:
         listed = [term for term in library if term not in problem.extensions]
         check_collinear(samples.system, listed, *arguments)
     left_out = uninformative_terms(samples.system, library, *arguments)
+    if problem.config.library is None and problem.system.program is not None:
+        # The library of a program has terms in every equation at first.
+        defined = program_definitions(samples.system, *arguments)
+        left_out |= {
+            term: f"is in the equation of {term.equation}, which only defines {other}"
+            for field, other in defined.items()
+            for term in library
+            if term.equation == field
+        }
     if not left_out:
         return problem
     identifiable = [term for term in library if term not in left_out]

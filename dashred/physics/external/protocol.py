@@ -1,0 +1,55 @@
+"""The protocol of a simulator that is a program: a function, an FMU or a command.
+
+Its equations are not known. A law acts beside it by operator splitting
+(:mod:`dashred.physics.solvers.splitting`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Program(Protocol):
+    """A program that advances states.
+
+    The first call of :meth:`step` examines it; ``rounding`` and ``seconds`` are known after that.
+    """
+
+    @property
+    def rounding(self) -> float:
+        """Relative rounding error of its results, such as 1e-16 or 6e-8."""
+
+    @property
+    def seconds(self) -> float:
+        """Duration of one call with one state."""
+
+    @property
+    def failure(self) -> str | None:
+        """What it said when it last failed: an exception with its place, or lines of stderr."""
+
+    def step(
+        self,
+        states: Array,
+        t: Array,
+        dt: Array,
+        inputs: Mapping[str, Array],
+        parameters: Mapping[str, float],
+    ) -> Array:
+        """Return the states after a step, ``(batch, field, *grid)``; NaN where it fails.
+
+        Args:
+            states: ``(batch, field, *grid)``, in the order of the system's fields; not changed.
+            t: time of each state, ``(batch,)``.
+            dt: length of the step from each, ``(batch,)``.
+            inputs: values in the middle of the step by name, ``(batch,)`` each.
+            parameters: values by name.
+
+        Raises:
+            InputError: in the first call, if the program does not keep to the protocol.
+        """
