@@ -96,7 +96,7 @@ class System(Declaration):
         return (
             None
             if self.config.simulator is None
-            else external.open_program(self.config, self.where)
+            else external.open_program(self.config, self.where, self.grid)
         )
 
     @property
