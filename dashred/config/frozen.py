@@ -59,11 +59,25 @@ def frozen_input(config: Settings) -> dict[str, Any]:
         system["class"] = name
     if system["simulator"] is None:
         del system["simulator"]
+    else:
+        system["simulator"] = _frozen_simulator(system["simulator"])
     if system["snapshots"] is None:
         del system["snapshots"]
     else:
         system["snapshots"] = Path(system["snapshots"]).name
     return values
+
+
+def _frozen_simulator(simulator: dict[str, Any]) -> dict[str, Any]:
+    """Return what is set of a simulator, with its files named without their folders."""
+    found = {key: value for key, value in simulator.items() if value}
+    for key in ("template",):
+        if key in found:
+            found[key] = Path(found[key]).name
+    if "command" in found:
+        words = found["command"]
+        found["command"] = [Path(w).name if Path(w).is_absolute() else w for w in words]
+    return found
 
 
 def config_sha256(config: Settings) -> str:

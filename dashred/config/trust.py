@@ -10,7 +10,7 @@ from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where
 from dashred.core.arguments import COMMAND_LINE
 from dashred.core.errors import InputError
-from dashred.physics.external.trust import not_trusted, trust
+from dashred.physics.external.trust import names_of, not_trusted, trust
 from dashred.physics.system_schema import System
 
 CLASS_KEY, SIMULATOR_KEY = "system.class", "system.simulator"
@@ -68,16 +68,14 @@ def check_trust(settings: Settings, trusted: str | None, where: Where, folder: P
 def _code(system: System, where: Where) -> tuple[str, str | None]:
     """Return the key of the code that a system runs, and its name."""
     simulator = system.simulator
-    named = {CLASS_KEY: system.class_}
+    given = [] if system.class_ is None else [(CLASS_KEY, system.class_)]
     if simulator is not None:
-        named[f"{SIMULATOR_KEY}.function"] = simulator.function
-        named[f"{SIMULATOR_KEY}.run"] = simulator.run
-    given = [(key, name) for key, name in named.items() if name is not None]
+        given += [(f"{SIMULATOR_KEY}.{key}", name) for key, name in names_of(simulator).items()]
     if len(given) > 1:
         what = f"{given[0][0]} and {given[1][0]} are both given"
         raise InputError(what, where=where(given[1][0]), hint="keep one of them")
     if simulator is not None and not given:
-        hint = "set one of function, run"
+        hint = "set one of function, run, command and fmu"
         raise InputError(f"{SIMULATOR_KEY} names no program", where=where(SIMULATOR_KEY), hint=hint)
     return given[0] if given else (CLASS_KEY, None)
 

@@ -16,6 +16,11 @@ def use_threads(count: int) -> None:
     _threads = count
 
 
+def thread_count() -> int:
+    """Return the number of threads of the process."""
+    return _threads
+
+
 def in_threads(run: Callable[[int], None], count: int) -> Iterator[float]:
     """Run ``run(0), ..., run(count - 1)`` in threads; the tasks must be independent.
 

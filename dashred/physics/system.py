@@ -94,7 +94,9 @@ class System(Declaration):
     @property
     def program(self) -> protocol.Program | None:
         """The program that is stepped beside the equations; None if these are all there is."""
-        return None if self.config.simulator is None else open_program(self.config, self.where)
+        if self.config.simulator is None:
+            return None
+        return open_program(self.config, self.where, self.grid)
 
     def reads_time(self, *further: Expr) -> bool:
         """Return whether the system, or a further expression, depends on time or on inputs.

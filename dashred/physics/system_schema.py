@@ -93,7 +93,7 @@ class Integrator:
 class ExternalSimulator:
     """A simulator that is a program, which runs only if the command line names it: ``trust=NAME``.
 
-    One of function, run, fmu and command is given.
+    One of function, run, command and fmu is given. Paths are relative to the system's file.
     """
 
     function: str | None = None
@@ -103,6 +103,17 @@ class ExternalSimulator:
     run: str | None = None
     """``MODULE.FUNCTION`` with the arguments ``(start, times, inputs, parameters)`` that returns
     arrays over ``(time, *axes)`` by field, beginning with the start."""
+
+    command: list[str] | None = None
+    """Program and arguments of a process that reads states from the file ``{input}`` and writes
+    them, a step later, to the file ``{output}``: NetCDF, or text with a template."""
+
+    template: str | None = None
+    """Path of a Jinja2 template that writes one state as the text that the command reads. Its
+    output is then text too: one line for each grid point, one column for each field."""
+
+    time_limit: Annotated[Positive, Unit("s")] = 60.0
+    """Longest time that the command may take to step one state."""
 
     fields: list[str] | None = None
     """Fields that the program steps; null for all. The others have equations."""

@@ -8,6 +8,7 @@ from collections import Counter
 from dataclasses import is_dataclass
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
+from dashred.config.checks.simulator_checks import check_simulator
 from dashred.config.checks.snapshot_checks import check_snapshots
 from dashred.config.checks.system_checks import check_system
 from dashred.config.schema.recording import Recording, SensorSplit
@@ -35,6 +36,7 @@ def check(settings: Settings, where: Where) -> None:
     check_limits(settings, Settings, "", where)
     check_snapshots(settings, where)
     check_system(settings.system, where)
+    check_simulator(settings.system, where)
     _check_size(settings, where)
     _check_library(settings, where)
     _check_recording(settings, where)

@@ -1,4 +1,4 @@
-"""How a function behaves: found by a few calls before the first step."""
+"""How a program behaves: found by a few calls before the first step."""
 
 from __future__ import annotations
 
@@ -9,15 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.physics.external.calls import (
-    ANY_TIME,
-    SAME_TIME,
-    SINGLE,
-    Function,
-    Unread,
-    Way,
-    call,
-)
+from dashred.physics.external.adapter import ANY_TIME, SAME_TIME, Adapter, Unread, Way
 from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
 
 # Results that should be equal may differ by this many rounding errors of the largest value.
@@ -26,11 +18,17 @@ ROUNDING_ERRORS = 32
 CHANGE = 0.1
 # Size of a field of zeros in the second state, as a share of the largest value of the first.
 OF_ZEROS = 1e-3
+# Two half steps differ from one step by more than this share of a step's change only if the length
+# of the step is not used, or if a state does not mean the same at both ends.
+MOST_DIFFERENCE = 0.75
+NOT_A_STEP = """\
+does it step by dt from the given state, and return the fields in the order and units in which it \
+takes them? A program that has only one dt must fail for any other."""
 
 
 @dataclass(frozen=True)
 class Conduct:
-    """How a function is called, and what a call costs.
+    """How a program is called, and what a call costs.
 
     Attributes:
         way: the way to call it.
@@ -68,82 +66,106 @@ class Conduct:
         return replace(self, way=self.alone, many=False, reads_time=True)
 
 
-def examine(function: Function, fields: Sequence[str], start: StateBatch) -> Conduct:
-    """Find how a function may be called, and check that it keeps to the protocol.
+def examine(adapter: Adapter, start: StateBatch) -> Conduct:
+    """Find how a program may be called, and check that it keeps to the protocol.
 
     Args:
-        function: the user's function.
-        fields: of the system.
+        adapter: of the program.
         start: one state.
 
     Raises:
         ProgramError: it fails, changes its argument, does not return a state, returns values that
-            are not finite, or does not return the same for the same state.
+            are not finite, does not return the same for the same state, or does not step by dt from
+            the state.
     """
-    one, first = _first_call(function, fields, start)
-    if not np.isfinite(first).all():
-        name = fields[int(np.argmin(np.isfinite(first[0]).reshape(len(fields), -1).all(1)))]
-        raise ProgramError(f"returns values of {name} that are not finite, at t = {start.t[0]:g}")
+    one, first = _first_call(adapter, start)
+    _check_finite(first, adapter, start)
     other = replace(start, states=_changed(start.states))
-    second = call(function, fields, other, one)
+    second = adapter.call(other, one)
     began = time.perf_counter()
-    again = call(function, fields, start, one)
+    again = adapter.call(start, one)
     seconds = time.perf_counter() - began
     rounding = _rounding(other.states, second)
     if not equal(first, again, rounding):
-        hint = "a state must hold all that the function remembers; random numbers need a fixed seed"
+        hint = "a state must hold all that the program remembers; random numbers need a fixed seed"
         size = np.abs(first - again).max()
         raise ProgramError(f"returns results that differ by {size:.3g} for the same state", hint)
-    together, expected = _joined(start, other), np.concatenate([first, second])
-
-    def agrees(time: Unread | None = None) -> bool:
-        found = _tried(function, fields, together, SAME_TIME, time)
-        return found is not None and equal(found, expected, rounding)
-
-    if _takes_many_times(function, fields, start, other, one, rounding):
+    if np.array_equal(first, second):
+        raise ProgramError("returns the same for different states", NOT_A_STEP)
+    _check_halves(adapter, start, first, one, rounding)
+    later = replace(start, t=start.t + start.dt, dt=start.dt / 2)
+    if _agrees(adapter, [(later, None), (other, second)], ANY_TIME, one, rounding):
         return Conduct(ANY_TIME, one, True, True, rounding, seconds)
-    if agrees():
-        return Conduct(SAME_TIME, one, True, not agrees(Unread()), rounding, seconds)
+    pair = [(start, first), (other, second)]
+    if _agrees(adapter, pair, SAME_TIME, one, rounding):
+        reads_time = not _agrees(adapter, pair, SAME_TIME, one, rounding, Unread())
+        return Conduct(SAME_TIME, one, True, reads_time, rounding, seconds)
     return Conduct(one, one, False, True, rounding, seconds)
 
 
-def _first_call(function: Function, fields: Sequence[str], start: StateBatch) -> tuple[Way, Array]:
-    """Return the simplest way to call a function with one state, and its result."""
+def _first_call(adapter: Adapter, start: StateBatch) -> tuple[Way, Array]:
+    """Return the simplest way to call a program with one state, and its result."""
     errors = []
-    for way in (SINGLE, SAME_TIME, ANY_TIME):
+    for way in adapter.alone:
         try:
-            return way, call(function, fields, start, way)
+            return way, adapter.call(start, way)
         except ProgramError as error:
             errors.append(error)
     raise errors[0]
 
 
-def _takes_many_times(
-    function: Function,
-    fields: Sequence[str],
-    start: StateBatch,
-    other: StateBatch,
+def _check_finite(result: Array, adapter: Adapter, start: StateBatch) -> None:
+    for name, values in zip(adapter.fields, result[0], strict=True):
+        if not np.isfinite(values).all():
+            when = f"at t = {start.t[0]:g}"
+            raise ProgramError(f"returns values of {name} that are not finite, {when}")
+
+
+def _check_halves(
+    adapter: Adapter, start: StateBatch, whole: Array, one: Way, rounding: float
+) -> None:
+    """Check that two half steps give about the same state as one step."""
+    half = replace(start, dt=start.dt / 2)
+    middle = _tried(adapter, half, one)
+    if middle is None:
+        return
+    rest = replace(half, t=half.t + half.dt, states=middle)
+    halves = _tried(adapter, rest, one)
+    if halves is None or equal(halves, whole, rounding):
+        return
+    grid = tuple(range(2, whole.ndim))
+    scale = np.maximum(np.abs(start.states), np.abs(whole)).max(axis=grid, keepdims=True)
+    scale = np.where(scale > 0, scale, 1.0)
+    difference = float(np.linalg.norm((halves - whole) / scale))
+    change = float(np.linalg.norm((whole - start.states) / scale))
+    if difference > MOST_DIFFERENCE * change + ROUNDING_ERRORS * rounding:
+        what = f"steps by {change:.3g} of the state in one step of {start.dt[0]:g}, but two half "
+        raise ProgramError(f"{what}steps end {difference:.3g} from there", NOT_A_STEP)
+
+
+def _agrees(
+    adapter: Adapter,
+    cases: Sequence[tuple[StateBatch, Array | None]],
+    way: Way,
     one: Way,
     rounding: float,
+    time: Unread | None = None,
 ) -> bool:
-    """Whether a batch may have several times and lengths of steps."""
-    later = replace(start, t=start.t + start.dt, dt=start.dt / 2)
-    expected = [_tried(function, fields, each, one) for each in (later, other)]
-    found = _tried(function, fields, _joined(later, other), ANY_TIME)
+    """Whether a call with two states gives what two calls give; None is not known yet."""
+    if way not in adapter.together:
+        return False
+    expected = [_tried(adapter, b, one) if known is None else known for b, known in cases]
+    found = _tried(adapter, _joined(cases[0][0], cases[1][0]), way, time)
     if found is None or expected[0] is None or expected[1] is None:
         return False
     return equal(found, np.concatenate([expected[0], expected[1]]), rounding)
 
 
 def _tried(
-    function: Function,
-    fields: Sequence[str],
-    batch: StateBatch,
-    way: Way,
-    time: Unread | None = None,
+    adapter: Adapter, batch: StateBatch, way: Way, time: Unread | None = None
 ) -> Array | None:
     try:
-        return call(function, fields, batch, way, time)
+        return adapter.call(batch, way, time)
     except ProgramError:
         return None
 
@@ -187,4 +209,5 @@ def equal(a: Array, b: Array, rounding: float) -> bool:
     """Whether two batches of states are equal to within rounding, field by field."""
     grid = tuple(range(2, a.ndim))
     scale = np.abs(b).max(axis=(0, *grid), keepdims=True)
-    return bool((np.abs(a - b) <= ROUNDING_ERRORS * rounding * scale).all())
+    with np.errstate(invalid="ignore"):
+        return bool(((a == b) | (np.abs(a - b) <= ROUNDING_ERRORS * rounding * scale)).all())

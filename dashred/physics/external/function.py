@@ -2,114 +2,90 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from dashred.core.errors import InputError
-from dashred.physics.external.calls import Function, Unread, call
-from dashred.physics.external.conduct import Conduct, equal, examine
-from dashred.physics.external.state_batch import Array, ProgramError, StateBatch, as_array
+from dashred.physics.external.adapter import ANY_TIME, SAME_TIME, SINGLE, Unread, Way
+from dashred.physics.external.contents import module_sha256
+from dashred.physics.external.state_batch import (
+    Array,
+    ProgramError,
+    StateBatch,
+    as_array,
+    read_fields,
+)
+from dashred.physics.external.user_code import last_words, load
+
+Function = Callable[..., Mapping[str, Any]]
 
 
-class FunctionProgram:
+class FunctionAdapter:
     """A function ``(state, t, dt, inputs, parameters)`` that returns the state at ``t + dt``.
 
-    Attributes:
-        failure: what it said when it last failed.
+    It may take one state or a batch of NumPy, and return arrays of NumPy, torch or JAX.
     """
 
-    failure: str | None = None
+    alone = (SINGLE, SAME_TIME, ANY_TIME)
+    together = (ANY_TIME, SAME_TIME)
+    parallel = False
 
     def __init__(self, function: Function, fields: Sequence[str], name: str, place: str) -> None:
-        """Set the function and where it was named.
+        self._function = function
+        self.fields, self.name, self.place = tuple(fields), name, place
 
-        Args:
-            function: the user's function.
-            fields: of the system.
-            name: of the function, for messages.
-            place: location of its key.
-        """
-        self._function, self._fields = function, fields
-        self._name, self._place = name, place
-        self._conduct: Conduct | None = None
-        self._calls = 0
+    def call(self, batch: StateBatch, way: Way, time: Unread | None = None) -> Array:
+        """See :meth:`dashred.physics.external.adapter.Adapter.call`."""
+        states = batch.states if way.batch else batch.states[0]
+        each = np.moveaxis(states, 1, 0) if way.batch else states
+        # Indexed with (), a single number is a scalar, which code for numbers expects.
+        state = {name: np.array(each[i])[()] for i, name in enumerate(self.fields)}
+        kept = dict(state)
+        ones = [1] * (batch.states.ndim - 2)
 
-    @property
-    def conduct(self) -> Conduct:
-        """How it is called; known after the first step."""
-        assert self._conduct is not None, "a program is examined by its first step"
-        return self._conduct
+        def clock(values: Array) -> Any:
+            return values.reshape(-1, *ones).copy() if way.arrays else float(values[0])
 
-    @property
-    def rounding(self) -> float:
-        """See :class:`dashred.physics.external.program.Program`."""
-        return self.conduct.rounding
-
-    @property
-    def seconds(self) -> float:
-        """See :class:`dashred.physics.external.program.Program`."""
-        return self.conduct.seconds
-
-    def step(
-        self,
-        states: Array,
-        t: Array,
-        dt: Array,
-        inputs: Mapping[str, Array],
-        parameters: Mapping[str, float],
-    ) -> Array:
-        """See :meth:`dashred.physics.external.program.Program.step`."""
-        batch = StateBatch(states, t, dt, inputs, parameters)
-        if self._conduct is None:
-            try:
-                self._conduct = examine(self._function, self._fields, batch.take([0]))
-            except ProgramError as error:
-                what = f"{self._name} {error}"
-                raise InputError(what, where=self._place, hint=error.hint) from error
-        result = np.empty_like(states)
-        for rows in self._conduct.groups(batch):
-            result[rows] = self._stepped(batch.take(rows), self._conduct)
-        if self._conduct.many and not self._is_same_alone(batch, result):
-            self._conduct = self._conduct.one_by_one()
-            return self.step(states, t, dt, inputs, parameters)
-        return result
-
-    def _is_same_alone(self, batch: StateBatch, result: Array) -> bool:
-        """Whether the smallest state of a batch is stepped as it is without the others.
-
-        A function may mix states in some batches only, for example if its number of substeps
-        follows from the largest value. Calls 1, 2, 4, 8, ... are checked, which costs little.
-        """
-        self._calls += 1
-        if self._calls & (self._calls - 1) or len(batch) == 1:
-            return True
-        row = int(np.argmin(np.abs(batch.states).reshape(len(batch), -1).max(axis=1)))
-        alone = self._stepped(batch.take([row]), self.conduct.one_by_one())
-        found = result[[row]]
-        if not np.isfinite(alone).all():
-            return not np.isfinite(found).all()
-        return equal(found, alone, self.rounding)
-
-    def _stepped(self, batch: StateBatch, conduct: Conduct) -> Array:
-        """Return the states after a step; NaN for a state that cannot be stepped."""
-        time = None if conduct.reads_time else Unread()
+        inputs = {name: clock(values) for name, values in batch.inputs.items()}
+        t = clock(batch.t) if time is None else time
         try:
-            result = call(self._function, self._fields, batch, conduct.way, time)
-        except ProgramError as error:
-            if len(batch) > 1 or not conduct.reads_time:
-                alone = conduct.one_by_one()
-                rows = [self._stepped(batch.take([i]), alone) for i in range(len(batch))]
-                return np.concatenate(rows)
-            self.failure = f"{self._name} {error}"
-            return np.full_like(batch.states, np.nan)
-        finite = np.isfinite(result).reshape(len(batch), -1).all(axis=1)
-        if not finite.all():
-            when = batch.t[int(np.argmin(finite))]
-            self.failure = f"{self._name} returns values that are not finite, at t = {when:g}"
-            result[~finite] = np.nan
-        return result
+            # A state that blows up is reported as such, not as a warning of NumPy.
+            with np.errstate(all="ignore"):
+                found = self._function(state, t, clock(batch.dt), inputs, dict(batch.parameters))
+        except ProgramError:
+            raise
+        except (Exception, SystemExit) as error:  # user code may raise any exception
+            raise ProgramError(f"fails: {last_words(error)}") from error
+        for i, name in enumerate(self.fields):
+            if not np.array_equal(kept[name], each[i], equal_nan=True):
+                hint = f'copy it first: {name} = state["{name}"].copy()'
+                raise ProgramError(f"changes its argument: the array of {name}", hint)
+        result = read_fields(found, self.fields, each.shape[1:])
+        return np.moveaxis(result, 0, 1) if way.batch else result[None]
+
+    def sha256(self) -> str:
+        """See :meth:`dashred.physics.external.adapter.Adapter.sha256`."""
+        return module_sha256(self.name)
+
+
+def open_function(name: str, fields: Sequence[str], place: str) -> FunctionAdapter:
+    """Import a function that steps states.
+
+    Raises:
+        InputError: it cannot be imported.
+    """
+    return FunctionAdapter(_imported(name, place), fields, name, place)
+
+
+def open_run(name: str, fields: Sequence[str], place: str) -> FunctionAdapter:
+    """Import a function of whole runs.
+
+    Raises:
+        InputError: it cannot be imported.
+    """
+    return FunctionAdapter(run_as_step(_imported(name, place), fields), fields, name, place)
 
 
 def run_as_step(run: Function, fields: Sequence[str]) -> Function:
@@ -135,3 +111,15 @@ def _last(name: str, values: Any) -> Any:
         told = values.shape[0] if values.ndim else "no"
         raise ProgramError(f"returns {name} at {told} times instead of 2")
     return values[-1]
+
+
+def _imported(name: str, place: str) -> Function:
+    try:
+        function = load(name)
+    except Exception as error:  # user code may raise any exception
+        hint = "its module must be in the current folder, or installed"
+        what = f"{name} cannot be imported: {last_words(error)}"
+        raise InputError(what, where=place, hint=hint) from error
+    if not callable(function):
+        raise InputError(f"{name} is not a function", where=place)
+    return function

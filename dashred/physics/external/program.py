@@ -3,50 +3,62 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
 
-from dashred.core.errors import InputError
-from dashred.physics.external.function import FunctionProgram, run_as_step
+import numpy as np
+
+from dashred.physics.external.adapter import Adapter
+from dashred.physics.external.command.command import open_command
+from dashred.physics.external.command.layout import Layout
+from dashred.physics.external.function import open_function, open_run
 from dashred.physics.external.partial import PartialProgram
 from dashred.physics.external.protocol import Program
+from dashred.physics.external.stepped import SteppedProgram
 from dashred.physics.external.stepped_fields import stepped_fields
-from dashred.physics.external.trust import check_trusted
-from dashred.physics.external.user_code import last_words, load
+from dashred.physics.external.trust import check_trusted, names_of
+from dashred.physics.grids.grid import Grid
 from dashred.physics.system_schema import System
 
+_opened: dict[tuple[object, ...], Program] = {}
 
-def open_program(config: System, where: Callable[[str], str]) -> Program:
+
+def open_program(config: System, where: Callable[[str], str], grid: Grid) -> Program:
     """Return the program of a system; a process opens each program once.
 
     Args:
         config: of the system, with ``simulator``.
         where: location of a configuration key.
+        grid: of the system.
 
     Raises:
         InputError: the program is not trusted, or cannot be opened.
     """
     simulator = config.simulator
     assert simulator is not None
-    key = "function" if simulator.function is not None else "run"
-    name = simulator.function or simulator.run
-    assert name is not None
+    [(key, name)] = names_of(simulator).items()
     place = where(f"system.simulator.{key}")
     check_trusted(name, place)
-    own = stepped_fields(config)
-    program = _open_function(name, key == "run", own, place)
-    places = [i for i, field in enumerate(config.fields) if field in own]
-    return program if len(places) == len(config.fields) else PartialProgram(program, places)
+    known = repr(simulator), tuple(config.fields), repr(config.units), grid, place
+    if known not in _opened:
+        own = stepped_fields(config)
+        program = SteppedProgram(_adapter(config, own, key, grid, place), grid)
+        places = [i for i, field in enumerate(config.fields) if field in own]
+        whole = len(places) == len(config.fields)
+        _opened[known] = program if whole else PartialProgram(program, places)
+    return _opened[known]
 
 
-@lru_cache
-def _open_function(name: str, runs: bool, fields: tuple[str, ...], place: str) -> Program:
-    try:
-        function = load(name)
-    except Exception as error:  # user code may raise any exception
-        hint = "its module must be in the current folder, or installed"
-        what = f"{name} cannot be imported: {last_words(error)}"
-        raise InputError(what, where=place, hint=hint) from error
-    if not callable(function):
-        raise InputError(f"{name} is not a function", where=place)
-    step = run_as_step(function, fields) if runs else function
-    return FunctionProgram(step, fields, name, place)
+def _adapter(config: System, fields: tuple[str, ...], key: str, grid: Grid, place: str) -> Adapter:
+    simulator = config.simulator
+    assert simulator is not None
+    if simulator.command is not None:
+        axes = {
+            axis.name: axis.spacing * np.arange(axis.own_points, dtype=np.float64)
+            for axis in grid.axes
+        }
+        layout = Layout(fields, axes, config.units)
+        limit = simulator.time_limit
+        return open_command(simulator.command, simulator.template, limit, layout, place)
+    if simulator.function is not None:
+        return open_function(simulator.function, fields, place)
+    assert simulator.run is not None
+    return open_run(simulator.run, fields, place)

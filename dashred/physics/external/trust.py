@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dashred.core.errors import InputError
+from dashred.physics.system_schema import ExternalSimulator
 
 _trusted: set[str] = set()
 
@@ -29,3 +30,14 @@ def not_trusted(name: str, place: str) -> InputError:
         where=place,
         hint=f"read it first; if you trust it, add trust={name} to the command line",
     )
+
+
+def names_of(simulator: ExternalSimulator) -> dict[str, str]:
+    """Return the names that are to be trusted, by key; the checked simulator has one."""
+    words = simulator.command
+    named = {
+        "function": simulator.function,
+        "run": simulator.run,
+        "command": None if words is None else "".join(words[:1]),
+    }
+    return {key: name for key, name in named.items() if name is not None}

@@ -172,5 +172,5 @@ def _value_at(values: Any, key: str) -> Any:
         if values is None:
             return None
         # The key `class` is the attribute `class_`.
-        values = values[part if part in values else f"{part}_"]
+        values = values.get(part if part in values else f"{part}_")
     return values

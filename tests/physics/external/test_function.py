@@ -11,16 +11,18 @@ import pytest
 import torch
 
 from dashred.core.errors import InputError
-from dashred.physics.external.function import FunctionProgram, run_as_step
+from dashred.physics.external.function import FunctionAdapter, run_as_step
+from dashred.physics.external.stepped import SteppedProgram
+from dashred.physics.grids.grid import Axis, Grid
 
 NAME, PLACE = "mypkg.step", "mine.yaml:7"
 
 
-def opened(function: Callable[..., Any], *fields: str) -> FunctionProgram:
-    return FunctionProgram(function, fields or ("u",), NAME, PLACE)
+def opened(function: Callable[..., Any], *fields: str) -> SteppedProgram:
+    return SteppedProgram(FunctionAdapter(function, fields or ("u",), NAME, PLACE), Grid(()))
 
 
-def stepped(program: FunctionProgram, states: np.ndarray, **over: Any) -> np.ndarray:
+def stepped(program: SteppedProgram, states: np.ndarray, **over: Any) -> np.ndarray:
     """Step states from different times, with steps of 0.1."""
     t, dt = np.arange(float(len(states))), np.full(len(states), 0.1)
     given = {"t": t, "dt": dt, "inputs": {}, "parameters": {"k": 2.0}} | over
@@ -33,8 +35,8 @@ def decay(state, t, dt, inputs, parameters):
 
 
 def shift(state, t, dt, inputs, parameters):
-    """Advection by one point: ``np.roll`` without an axis mixes the states of a batch."""
-    return {"u": np.roll(state["u"], 1)}
+    """``du/dt = -du/dx``: ``np.roll`` without an axis mixes the states of a batch."""
+    return {"u": state["u"] - dt * (state["u"] - np.roll(state["u"], 1))}
 
 
 def test_a_function_of_arrays_takes_all_states_in_one_call() -> None:
@@ -56,7 +58,8 @@ def test_a_function_of_arrays_takes_all_states_in_one_call() -> None:
 def test_a_function_of_one_state_is_called_for_each() -> None:
     program = opened(shift)
     states = np.random.default_rng(0).normal(size=(3, 1, 6))
-    np.testing.assert_array_equal(stepped(program, states), np.roll(states, 1, axis=2))
+    expected = 0.9 * states + 0.1 * np.roll(states, 1, axis=2)
+    np.testing.assert_allclose(stepped(program, states), expected, rtol=1e-14)
     assert not program.conduct.many
 
 
@@ -192,6 +195,12 @@ FAULTS: dict[str, tuple[Callable[..., Any], str]] = {
     ),
     "complex": (lambda s, *_: {"u": 1j * s["u"]}, "returns u as complex128"),
     "text": (lambda s, *_: {"u": "a"}, "returns u as <U1, not as real numbers"),
+    "no dt": (
+        lambda s, *_: {"u": 0.9 * s["u"]},
+        "steps by 0.2 of the state in one step of 0.1, but",
+    ),
+    "units": (lambda s, *_: {"u": np.rad2deg(s["u"])}, "steps by .* does it step by dt"),
+    "no state": (lambda s, *_: {"u": np.ones(4)}, "returns the same for different states"),
     "NaN": (
         lambda s, *_: {"u": s["u"] * np.nan},
         "returns values of u that are not finite, at t = 0",
@@ -210,18 +219,18 @@ def test_a_state_that_fails_later_is_nan_and_the_others_stay() -> None:
     def step(state, t, dt, inputs, parameters):
         if np.any(state["u"] > 50):
             raise OverflowError("too fast")
-        return {"u": np.exp(state["u"])}
+        return {"u": state["u"] * np.exp(dt)}
 
     program = opened(step)
-    states = np.array([0.0, 100.0, 1.0]).reshape(3, 1, 1)
+    states = np.array([2.0, 100.0, 1.0]).reshape(3, 1, 1)
     stepped(program, states[:1])
     found = stepped(program, states)[:, 0, 0]
-    np.testing.assert_allclose(found, [1, np.nan, np.e])
+    np.testing.assert_allclose(found, np.exp(0.1) * np.array([2, np.nan, 1]))
     assert program.failure is not None and "OverflowError: too fast (" in program.failure
 
-    calm = opened(lambda s, *_: {"u": s["u"] ** 200})
+    calm = opened(lambda s, t, dt, *_: {"u": np.where(s["u"] > 9, np.inf, s["u"] * (1 + dt))})
     stepped(calm, np.ones((1, 1, 2)))
-    found = stepped(calm, np.array([[[1.0, 1.0]], [[2.0, 1e9]]]))
+    found = stepped(calm, np.array([[[1.0, 1.0]], [[1.0, 1e9]]]))
     np.testing.assert_array_equal(np.isnan(found[:, 0]), [[False, False], [True, True]])
     assert calm.failure == f"{NAME} returns values that are not finite, at t = 1"
 
@@ -233,3 +242,18 @@ def test_a_run_at_other_times_is_refused(times: int) -> None:
 
     with pytest.raises(InputError, match=f"returns u at {times} times instead of 2"):
         stepped(opened(run_as_step(run, ("u",))), np.ones((1, 1, 2)))
+
+
+def test_a_program_does_not_see_the_mirror_image_of_an_axis() -> None:
+    seen = []
+
+    def step(state, t, dt, inputs, parameters):
+        seen.append(state["u"].shape[-1])
+        return decay(state, t, dt, inputs, parameters)
+
+    grid = Grid((Axis("x", 1.0, 4, "insulated"),))
+    program = SteppedProgram(FunctionAdapter(step, ("u",), NAME, PLACE), grid)
+    own = torch.arange(10.0, dtype=torch.float64).reshape(2, 1, 5)
+    found = stepped(program, grid.ring(own).numpy())
+    np.testing.assert_allclose(found, 0.8 * grid.ring(own).numpy())
+    assert set(seen) == {5}

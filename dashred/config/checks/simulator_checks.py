@@ -1,0 +1,35 @@
+"""Checks of a system whose simulator is a program."""
+
+from __future__ import annotations
+
+from dashred.config.schema.types import Where
+from dashred.core.errors import InputError
+from dashred.physics.external.command.netcdf_files import OWN_NAMES
+from dashred.physics.system_schema import System
+
+
+def check_simulator(system: System, where: Where) -> None:
+    """Check keys that belong to one kind of program, and what a program cannot have.
+
+    Raises:
+        InputError: a key has no effect, an axis has a condition for each side, or a name belongs to
+            the files of a command.
+    """
+    simulator, key = system.simulator, "system.simulator"
+    if simulator is None:
+        return
+    if simulator.template is not None and simulator.command is None:
+        what = f"{key}.template is for a command, but there is none"
+        raise InputError(what, where=where(f"{key}.template"), hint="remove it")
+    for name, axis in system.axes.items():
+        if isinstance(axis.ends, dict) or axis.coordinates == "radial":
+            what = "a program cannot have an axis with a condition for each side, or a radius"
+            hint = "remove it: the program has its own conditions; ends: insulated keeps all points"
+            raise InputError(what, where=where(f"system.axes.{name}"), hint=hint)
+    if simulator.command is None:
+        return
+    for section in ("fields", "axes", "inputs", "parameters"):
+        for name in getattr(system, section):
+            if name in OWN_NAMES:
+                what = f"{name!r} is a name of the files of a command and cannot be a name here"
+                raise InputError(what, where=where(f"system.{section}.{name}"), hint=f"{name}_0")

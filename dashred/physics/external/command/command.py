@@ -1,0 +1,109 @@
+"""A command as a program that steps states."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from jinja2 import Template
+
+from dashred.core.errors import InputError
+from dashred.physics.external.adapter import ANY_TIME, SINGLE, Unread, Way
+from dashred.physics.external.command import netcdf_files, text_files
+from dashred.physics.external.command.layout import Layout
+from dashred.physics.external.command.process import run_process
+from dashred.physics.external.contents import files_sha256
+from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
+
+INPUT, OUTPUT = "{input}", "{output}"
+
+
+class CommandAdapter:
+    """A command that reads states from one file and writes them to another.
+
+    With a template it steps one state per process, in text; else any number, in NetCDF.
+    """
+
+    parallel = True
+
+    def __init__(
+        self,
+        words: Sequence[str],
+        template: Template | None,
+        files: Sequence[Path],
+        seconds: float,
+        layout: Layout,
+        place: str,
+    ) -> None:
+        """Set the command.
+
+        Args:
+            words: program and arguments, with ``{input}`` and ``{output}``.
+            template: of the input as text.
+            files: of the program, whose contents belong to its hash.
+            seconds: time limit for one state.
+            layout: of the files.
+            place: location of its key.
+        """
+        self._words, self._template, self._files = tuple(words), template, tuple(files)
+        self._seconds, self._layout = seconds, layout
+        self.fields, self.place = layout.fields, place
+        self.name = " ".join(Path(w).name if Path(w).is_absolute() else w for w in words)
+
+    @property
+    def alone(self) -> tuple[Way, ...]:
+        """See :class:`dashred.physics.external.adapter.Adapter`."""
+        return (ANY_TIME,) if self._template is None else (SINGLE,)
+
+    @property
+    def together(self) -> tuple[Way, ...]:
+        """See :class:`dashred.physics.external.adapter.Adapter`."""
+        return (ANY_TIME,) if self._template is None else ()
+
+    def call(self, batch: StateBatch, way: Way, time: Unread | None = None) -> Array:
+        """See :meth:`dashred.physics.external.adapter.Adapter.call`."""
+        with TemporaryDirectory(prefix="dashred-", ignore_cleanup_errors=True) as name:
+            folder, layout = Path(name), self._layout
+            kind = "nc" if self._template is None else "txt"
+            given, result = folder / f"input.{kind}", folder / f"output.{kind}"
+            if self._template is None:
+                netcdf_files.write_input(given, batch, layout)
+            else:
+                text_files.write_input(given, batch, layout, self._template)
+            words = [w.replace(INPUT, str(given)).replace(OUTPUT, str(result)) for w in self._words]
+            run_process(words, folder, self._seconds * len(batch))
+            if not result.is_file():
+                raise ProgramError("ends without an error, but writes no output")
+            if self._template is None:
+                return netcdf_files.read_output(result, len(batch), layout)
+            return text_files.read_output(result, layout)
+
+    def sha256(self) -> str:
+        """See :meth:`dashred.physics.external.adapter.Adapter.sha256`."""
+        return files_sha256(self._words, self._files)
+
+
+def open_command(
+    words: Sequence[str], template: str | None, seconds: float, layout: Layout, place: str
+) -> CommandAdapter:
+    """Find the program of a command, and read its template.
+
+    Raises:
+        InputError: there is no such program or template, or a name belongs to the files.
+    """
+    program = shutil.which(words[0])
+    if program is None:
+        what = "is not executable" if Path(words[0]).exists() else "does not exist"
+        hint = f"chmod +x {words[0]}" if "exec" in what else "build it, or give its path: ./NAME"
+        raise InputError(f"the program {words[0]} {what}", where=place, hint=hint)
+    for mark in (INPUT, OUTPUT):
+        if not any(mark in word for word in words):
+            hint = f'for example [./solver, --in, "{INPUT}", --out, "{OUTPUT}"]'
+            raise InputError(f"the command has no {mark}", where=place, hint=hint)
+    files = [Path(program), *(Path(word) for word in words[1:] if Path(word).is_file())]
+    read = None if template is None else text_files.read_template(template)
+    if template is not None:
+        files.append(Path(template))
+    return CommandAdapter([program, *words[1:]], read, files, seconds, layout, place)

@@ -1,0 +1,84 @@
+"""One process with a time limit, of which nothing is left behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+from contextlib import suppress
+from pathlib import Path
+
+from dashred.physics.external.state_batch import ProgramError
+
+# Lines and characters of what a program said last.
+LAST_LINES, LAST_CHARACTERS = 5, 600
+
+
+def run_process(words: list[str], folder: Path, seconds: float) -> None:
+    """Run a command in the folder ``work`` of a scratch folder, and wait for its end.
+
+    Its output is in the files ``stdout`` and ``stderr``. Whatever it has started is ended with it.
+
+    Args:
+        words: program and arguments.
+        folder: scratch folder.
+        seconds: time limit.
+
+    Raises:
+        ProgramError: it cannot be started, fails, or runs too long.
+    """
+    work = folder / "work"
+    work.mkdir()
+    with (folder / "stdout").open("wb") as out, (folder / "stderr").open("wb") as err:
+        try:
+            process = subprocess.Popen(
+                words,
+                cwd=work,
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=err,
+                # A group of its own, so that it can be ended with all that it has started.
+                start_new_session=True,
+            )
+        except OSError as error:
+            raise ProgramError(f"cannot be started: {error.strerror}") from None
+        try:
+            code = process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            hint = "raise system.simulator.time_limit if it needs longer"
+            raise ProgramError(f"has not ended after {seconds:g} s{_said(folder)}", hint) from None
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+    if code:
+        how = f"exit code {code}" if code > 0 else f"signal {_signal_name(-code)}"
+        raise ProgramError(f"fails with {how}{_said(folder)}")
+
+
+def last_lines(folder: Path) -> str:
+    """Return the last lines of what a program wrote to stderr, or else to stdout."""
+    for name in ("stderr", "stdout"):
+        with (folder / name).open("rb") as file:
+            file.seek(max(0, (folder / name).stat().st_size - 8 * LAST_CHARACTERS))
+            text = file.read().decode(errors="replace")
+        lines = [
+            "".join(sign for sign in line if sign.isprintable())
+            for line in text.splitlines()
+            if line.strip()
+        ]
+        if lines:
+            return "\n".join(lines[-LAST_LINES:])[-LAST_CHARACTERS:]
+    return ""
+
+
+def _said(folder: Path) -> str:
+    lines = last_lines(folder).splitlines()
+    return "".join(["; it said:", *(f"\n    {line}" for line in lines)]) if lines else ""
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return str(number)

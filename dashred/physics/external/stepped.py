@@ -1,0 +1,133 @@
+"""A program that steps states by calls of its adapter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import torch
+
+from dashred.core.errors import InputError
+from dashred.core.threads import in_threads, thread_count
+from dashred.physics.external.adapter import Adapter, Unread
+from dashred.physics.external.conduct import Conduct, equal, examine
+from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
+from dashred.physics.grids.grid import Grid
+
+
+class SteppedProgram:
+    """A program behind an adapter, which the first step examines.
+
+    Attributes:
+        failure: what it said when it last failed.
+    """
+
+    failure: str | None = None
+
+    def __init__(self, adapter: Adapter, grid: Grid) -> None:
+        """Set the program.
+
+        Args:
+            adapter: of the program.
+            grid: of the system, whose states have the mirror image of an axis with equal ends; the
+                program's states have not.
+        """
+        self._adapter, self._grid = adapter, grid
+        self._conduct: Conduct | None = None
+        self._calls = 0
+
+    @property
+    def conduct(self) -> Conduct:
+        """How it is called; known after the first step."""
+        assert self._conduct is not None, "a program is examined by its first step"
+        return self._conduct
+
+    @property
+    def rounding(self) -> float:
+        """See :class:`dashred.physics.external.program.Program`."""
+        return self.conduct.rounding
+
+    @property
+    def seconds(self) -> float:
+        """See :class:`dashred.physics.external.program.Program`."""
+        return self.conduct.seconds
+
+    def step(
+        self,
+        states: Array,
+        t: Array,
+        dt: Array,
+        inputs: Mapping[str, Array],
+        parameters: Mapping[str, float],
+    ) -> Array:
+        """See :meth:`dashred.physics.external.program.Program.step`."""
+        own: tuple[Any, ...] = (..., *(axis.own for axis in self._grid.axes))
+        found = self._step(StateBatch(states[own], t, dt, inputs, parameters))
+        return self._grid.ring(torch.from_numpy(found)).numpy()
+
+    def _step(self, batch: StateBatch) -> Array:
+        if self._conduct is None:
+            try:
+                self._conduct = examine(self._adapter, batch.take([0]))
+            except ProgramError as error:
+                what = f"{self._adapter.name} {error}"
+                raise InputError(what, where=self._adapter.place, hint=error.hint) from error
+        result = self._step_groups(batch, self._conduct)
+        if self._conduct.many and not self._is_same_alone(batch, result):
+            self._conduct = self._conduct.one_by_one()
+            return self._step_groups(batch, self._conduct)
+        return result
+
+    def _step_groups(self, batch: StateBatch, conduct: Conduct) -> Array:
+        result = np.empty_like(batch.states)
+        groups = list(conduct.groups(batch))
+        if self._adapter.parallel:
+            parts = min(thread_count(), len(batch))
+            groups = [part for g in groups for part in np.array_split(g, parts) if part.size]
+
+        def run(j: int) -> None:
+            result[groups[j]] = self._stepped(batch.take(groups[j]), conduct)
+
+        if self._adapter.parallel:
+            for _ in in_threads(run, len(groups)):
+                pass
+        else:
+            for j in range(len(groups)):
+                run(j)
+        return result
+
+    def _is_same_alone(self, batch: StateBatch, result: Array) -> bool:
+        """Whether the smallest state of a batch is stepped as it is without the others.
+
+        A function may mix states in some batches only, for example if its number of substeps
+        follows from the largest value. Calls 1, 2, 4, 8, ... are checked, which costs little.
+        """
+        self._calls += 1
+        if self._calls & (self._calls - 1) or len(batch) == 1:
+            return True
+        row = int(np.argmin(np.abs(batch.states).reshape(len(batch), -1).max(axis=1)))
+        alone = self._stepped(batch.take([row]), self.conduct.one_by_one())
+        found = result[[row]]
+        if not np.isfinite(alone).all():
+            return not np.isfinite(found).all()
+        return equal(found, alone, self.rounding)
+
+    def _stepped(self, batch: StateBatch, conduct: Conduct) -> Array:
+        """Return the states after a step; NaN for a state that cannot be stepped."""
+        time = None if conduct.reads_time else Unread()
+        try:
+            result = self._adapter.call(batch, conduct.way, time)
+        except ProgramError as error:
+            if len(batch) > 1 or not conduct.reads_time:
+                alone = conduct.one_by_one()
+                rows = [self._stepped(batch.take([i]), alone) for i in range(len(batch))]
+                return np.concatenate(rows)
+            self.failure = f"{self._adapter.name} {error}"
+            return np.full_like(batch.states, np.nan)
+        finite = np.isfinite(result).reshape(len(batch), -1).all(axis=1)
+        if not finite.all():
+            when = f"at t = {batch.t[int(np.argmin(finite))]:g}"
+            self.failure = f"{self._adapter.name} returns values that are not finite, {when}"
+            result[~finite] = np.nan
+        return result
