@@ -143,7 +143,8 @@ class System(Declaration):
                 expression = algebra.substitute(expression, {name: self.lets[name]})
             added = algebra.to_text(algebra.scale(coefficient, expression))
             changed = lets if name in lets else equations
-            changed[name] = f"{changed[name]} + ({added})"
+            before = "" if changed[name] == "0" else f"{changed[name]} + "
+            changed[name] = f"{before}({added})"
         return self.with_config(dataclasses.replace(self.config, equations=equations, let=lets))
 
     def with_config(self, config: schema.System) -> System:

@@ -19,12 +19,17 @@ from dashred.core.errors import InputError
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
 from dashred.inference.segments.segments import SAMPLES
+from dashred.physics.expressions.algebra import Name
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.simulate import simulate
-from dashred.physics.system import System
+from dashred.physics.system import System, Term
+from dashred.physics.tendency_size import tendency_size
 
 # Allowed change of a reading in units of σ, and the least σ as a share of a trace's std.
 NOISE_SHARE, LEAST_NOISE = 1 / 20, 0.01
+# Size of the terms that probe the error of splitting, as a share of the tendency. The error is a
+# share of the law, and imitates no other: it may be larger by a factor.
+PROBE, SPLITTING = 0.05, 4.0
 # The step is at least the sampling interval divided by 2 to this power.
 MAX_HALVINGS = 12
 # Number of segments over the record.
@@ -56,14 +61,16 @@ def with_time_step(
     """
     times = torch.from_numpy(recording.times)
     interval = float((times[1:] - times[:-1]).median())
-    allowed = _allowed_change(recording, noise, limit, bool(system.axes))
+    splits = system.program is not None
+    allowed = _allowed_change(recording, noise, limit, bool(system.axes), splits)
     steps = [interval / 2**halvings for halvings in range(MAX_HALVINGS + 1)]
     tried = steps[0]
+    probed = system if system.program is None else _with_probe(system.with_step(interval), times)
     try:
-        for coarse, fine in pairwise(map(system.with_step, steps)):
+        for coarse, fine in pairwise(map(probed.with_step, steps)):
             tried = coarse.dt
             if _change(coarse, fine, recording, allowed, deadline) <= 1:
-                return coarse, f"time step: {tried:.6g}, chosen for an error far below the noise"
+                return system.with_step(tried), f"time step: {tried:.6g}, chosen for an error far below the noise"
         reason = ""
     except OutOfTimeError:
         reason = ", and the budget gives no more time to choose"
@@ -74,8 +81,22 @@ def with_time_step(
     )
 
 
+def _with_probe(system: System, times: Tensor) -> System:
+    """Return a program with a small damping of every field, to measure the error of splitting.
+
+    Without a law beside it a program has no such error, whatever the step.
+    """
+    path = simulate(system, nominal_start(system), times)[0]
+    bounded = torch.isfinite(path).reshape(len(path), -1).all(dim=1)
+    path, clock = path[bounded], times[bounded]
+    size = path.transpose(0, 1).flatten(1).square().mean(dim=1).sqrt()
+    probe = PROBE * tendency_size(system, path, clock) / size.clamp(min=SMALLEST)
+    damped = zip(system.fields, (-probe).tolist(), strict=True)
+    return system.with_terms([(Term(name, Name(name)), value) for name, value in damped])
+
+
 def _allowed_change(
-    recording: Recording, noise: np.ndarray, limit: float, has_axes: bool
+    recording: Recording, noise: np.ndarray, limit: float, has_axes: bool, splits: bool
 ) -> Tensor:
     """Return the allowed change of each sensor over one segment, ``(sensor,)``.
 
@@ -87,6 +108,8 @@ def _allowed_change(
     by_noise = NOISE_SHARE * np.maximum(noise, LEAST_NOISE * std)
     if not has_axes:
         by_noise = by_noise / count
+    if splits:
+        by_noise = by_noise * SPLITTING
     return torch.from_numpy(np.minimum(by_noise, limit * std / count)).clamp(min=SMALLEST)
 
 

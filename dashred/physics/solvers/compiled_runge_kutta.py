@@ -41,6 +41,7 @@ class CompiledRungeKutta:
         assert system.tableau is not None
         self.system, self.tableau = system, system.tableau
         self.rates = build_rates(system, terms, CoefficientLayout(len(terms), shapes))
+        self._method = tuple(map(np.array, (self.tableau.square, self.tableau.b, self.tableau.c)))
 
     def with_step(self, dt: float) -> CompiledRungeKutta:
         """Return a copy with another time step."""
@@ -82,11 +83,34 @@ class CompiledRungeKutta:
             by_row,
             sampled_forcing.knots.numpy(),
             sampled_forcing.values.permute(1, 2, 0).contiguous().numpy(),
-            np.array(self.tableau.square),
-            np.array(self.tableau.b),
-            np.array(self.tableau.c),
+            *self._method,
         )
         return torch.from_numpy(saved).permute(2, 0, 1).contiguous()
+
+    def flow(
+        self, weights: Tensor, sampled_forcing: SampledForcing | None
+    ) -> Callable[[Tensor, float, float], Tensor]:
+        """Return a single step of trajectories with these weights and forcings.
+
+        It maps states ``(batch, field)``, time and step to states, and costs little more than the
+        step itself. The arguments are those of :meth:`__call__`.
+        """
+        by_row = np.ascontiguousarray(weights.numpy())
+        used, ends = self._used(by_row), np.array([True])
+        knots, values = np.zeros(0), np.zeros((0, 0, len(by_row)))
+        if sampled_forcing is not None:
+            knots = sampled_forcing.knots.numpy()
+            values = sampled_forcing.values.permute(1, 2, 0).contiguous().numpy()
+
+        def step(state: Tensor, t: float, h: float) -> Tensor:
+            saved = np.empty((2, state.shape[1], len(state)))
+            saved[0] = state.numpy().T
+            when = np.array([t]), np.array([h])
+            parts = self.rates, used, saved, *when, ends, by_row, knots, values
+            _integrate(*parts, *self._method)
+            return torch.from_numpy(np.ascontiguousarray(saved[1].T))
+
+        return step
 
     def _used(self, weights: Array) -> NDArray[np.int64]:
         """Return the indices of the functions with a weight in any row."""

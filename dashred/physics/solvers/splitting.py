@@ -84,15 +84,9 @@ def _explicit_step(
     tableau = system.tableau or CLASSICAL
     if system.axes:
         return partial(advance, tableau, GridTendency(system, forcing, sampled_forcing))
-    terms, weights = ((), None) if forcing is None else (forcing.terms, forcing.coefficients)
-    compiled = CompiledRungeKutta(system, terms)
-
-    def advance_compiled(state: Tensor, t: float, h: float) -> Tensor:
-        own = state.new_zeros((len(state), 0)) if weights is None else weights
-        clock = torch.tensor([t, t + h], dtype=torch.float64)
-        return compiled(state, clock, own, sampled_forcing)[:, -1]
-
-    return advance_compiled
+    if forcing is None:
+        forcing = Forcing((), torch.zeros((1, 0), dtype=torch.float64))
+    return CompiledRungeKutta(system, forcing.terms).flow(forcing.coefficients, sampled_forcing)
 
 
 class ProgramFlow:
