@@ -115,6 +115,10 @@ class ExternalSimulator:
     time_limit: Annotated[Positive, Unit("s")] = 60.0
     """Longest time that the command may take to step one state."""
 
+    keep: bool = True
+    """Whether results of calls that take more than 5 ms are kept on disk for later runs. They count
+    as long as the program's own files are the same: set false if it reads others that change."""
+
 
 @dataclass(kw_only=True)
 class Structure:

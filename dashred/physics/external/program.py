@@ -85,7 +85,7 @@ def open_program(config: System, where: Callable[[str], str], grid: Grid) -> Pro
     check_trusted(name, place)
     known = repr(simulator), tuple(config.fields), repr(config.units), grid, place
     if known not in _opened:
-        _opened[known] = SteppedProgram(_adapter(config, key, grid, place), grid)
+        _opened[known] = SteppedProgram(_adapter(config, key, grid, place), grid, simulator.keep)
     return _opened[known]
 
 

@@ -19,7 +19,9 @@ NAME, PLACE = "mypkg.step", "mine.yaml:7"
 
 
 def opened(function: Callable[..., Any], *fields: str) -> SteppedProgram:
-    return SteppedProgram(FunctionAdapter(function, fields or ("u",), NAME, PLACE), Grid(()))
+    return SteppedProgram(
+        FunctionAdapter(function, fields or ("u",), NAME, PLACE), Grid(()), keep=False
+    )
 
 
 def stepped(program: SteppedProgram, states: np.ndarray, **over: Any) -> np.ndarray:
@@ -252,7 +254,7 @@ def test_a_program_does_not_see_the_mirror_image_of_an_axis() -> None:
         return decay(state, t, dt, inputs, parameters)
 
     grid = Grid((Axis("x", 1.0, 4, "insulated"),))
-    program = SteppedProgram(FunctionAdapter(step, ("u",), NAME, PLACE), grid)
+    program = SteppedProgram(FunctionAdapter(step, ("u",), NAME, PLACE), grid, keep=False)
     own = torch.arange(10.0, dtype=torch.float64).reshape(2, 1, 5)
     found = stepped(program, grid.ring(own).numpy())
     np.testing.assert_allclose(found, 0.8 * grid.ring(own).numpy())
