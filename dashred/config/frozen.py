@@ -73,7 +73,7 @@ def frozen_input(config: Settings) -> dict[str, Any]:
 def _frozen_simulator(simulator: dict[str, Any]) -> dict[str, Any]:
     """Return what is set of a simulator, with its files named without their folders."""
     found = {key: value for key, value in simulator.items() if value and key not in NOT_RESULTS}
-    for key in ("template",):
+    for key in ("fmu", "template"):
         if key in found:
             found[key] = Path(found[key]).name
     if "command" in found:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from math import factorial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,8 @@ from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
 ROUNDING_ERRORS = 32
 # Relative change that gives a second state, which a wrong batch would mix with the first.
 CHANGE = 0.1
+# Relative distance of states whose differences show rounding and not the function.
+CLOSE = 1e-5
 # Size of a field of zeros in the second state, as a share of the largest value of the first.
 OF_ZEROS = 1e-3
 # Two half steps differ from one step by more than this share of a step's change only if the length
@@ -85,7 +88,7 @@ def examine(adapter: Adapter, start: StateBatch) -> Conduct:
     began = time.perf_counter()
     again = adapter.call(start, one)
     seconds = time.perf_counter() - began
-    rounding = _rounding(other.states, second)
+    rounding = _rounding(adapter, start, one)
     if not equal(first, again, rounding):
         hint = "a state must hold all that the program remembers; random numbers need a fixed seed"
         size = np.abs(first - again).max()
@@ -191,18 +194,39 @@ def _changed(states: Array) -> Array:
     return states * (1 + CHANGE * wave) + zero * OF_ZEROS * largest * wave
 
 
-def _rounding(before: Array, after: Array) -> float:
-    """Return the rounding error of results, by the number of digits that they use."""
-    for kind in (np.float16, np.float32):
-        # A state that itself has few digits shows nothing.
-        if _fits(after, kind) and not _fits(before, kind):
-            return float(np.finfo(kind).eps) / 2
-    return float(np.finfo(np.float64).eps) / 2
+def _rounding(adapter: Adapter, start: StateBatch, one: Way) -> float:
+    """Return the relative error of rounding and tolerances, by differences of close states.
+
+    Of seven states at equal distances, differences of orders 4 to 6 have nothing of a smooth
+    function; those of an error with variance s² have the variance ``s² (2k)! / (k!)²`` (Moré and
+    Wild, SIAM J. Sci. Comput. 33, 2011).
+    """
+    sizes = np.random.default_rng(0).uniform(0.5, 1.5, start.states.shape)
+    distance = CLOSE * sizes * _scale(start.states)
+    results = []
+    for index in range(7):
+        found = _tried(adapter, replace(start, states=start.states + index * distance), one)
+        if found is None or not np.isfinite(found).all():
+            break
+        results.append(found[0])
+    smallest = float(np.finfo(np.float64).eps) / 2
+    if len(results) < 7:
+        return smallest
+    values = np.stack(results)
+    grid = tuple(range(2, values.ndim))
+    scale = np.abs(values).max(axis=(0, *grid))
+    errors = []
+    for order in (4, 5, 6):
+        squares = (np.diff(values, order, axis=0) ** 2).mean(axis=(0, *grid))
+        error = np.sqrt(squares * factorial(order) ** 2 / factorial(2 * order))
+        errors.append(float((error / np.where(scale > 0, scale, 1.0)).max()))
+    return max(smallest, min(errors))
 
 
-def _fits(values: Array, kind: type[np.floating]) -> bool:
-    with np.errstate(over="ignore"):
-        return bool((values == values.astype(kind)).all())
+def _scale(states: Array) -> Array:
+    """Return the largest value of each field, or of the state for a field of zeros."""
+    largest = np.abs(states).max(axis=tuple(range(2, states.ndim)), keepdims=True)
+    return np.where(largest > 0, largest, np.abs(states).max() or 1.0)
 
 
 def equal(a: Array, b: Array, rounding: float) -> bool:

@@ -6,6 +6,7 @@ Its equations are not known. A law acts beside it by operator splitting
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from dashred.physics.external.adapter import Adapter
 from dashred.physics.external.command.command import open_command
 from dashred.physics.external.command.layout import Layout
+from dashred.physics.external.fmu.fmu import open_fmu
 from dashred.physics.external.function import open_function, open_run
 from dashred.physics.external.stepped import SteppedProgram
 from dashred.physics.external.trust import check_trusted, names_of
@@ -100,7 +102,19 @@ def _adapter(config: System, key: str, grid: Grid, place: str) -> Adapter:
         layout = Layout(fields, axes, config.units)
         limit = simulator.time_limit
         return open_command(simulator.command, simulator.template, limit, layout, place)
+    if simulator.fmu is not None:
+        others, interface = _names_of_fmu(config), simulator.interface
+        return open_fmu(simulator.fmu, fields, others, simulator.variables, interface, place)
     if simulator.function is not None:
         return open_function(simulator.function, fields, place)
     assert simulator.run is not None
     return open_run(simulator.run, fields, place)
+
+
+def _names_of_fmu(config: System) -> list[str]:
+    """Return the parameters and inputs that an FMU must have: all but those of the law alone."""
+    texts = " ".join(repr(part) for part in (config.equations, config.let, config.energy))
+    own = set(re.findall(r"[A-Za-z]\w*", texts))
+    simulator = config.simulator
+    named = set() if simulator is None else set(simulator.variables)
+    return [n for n in (*config.parameters, *config.inputs) if n in named or n not in own]

@@ -54,7 +54,7 @@ def test_a_function_of_arrays_takes_all_states_in_one_call() -> None:
     found = stepped(program, states, dt=dt)
     np.testing.assert_allclose(found, states * (1 - 2 * dt.reshape(-1, 1, 1)), rtol=1e-14)
     assert calls[-2:] == [(5, 4), (4,)]  # the last is a check of one state
-    assert program.conduct.way.arrays and program.rounding == np.finfo(float).eps / 2
+    assert program.conduct.way.arrays and program.rounding < 1e-15
 
 
 def test_a_function_of_one_state_is_called_for_each() -> None:
@@ -135,7 +135,23 @@ def test_torch_and_its_single_precision_are_seen() -> None:
     program = opened(step)
     found = stepped(program, np.ones((2, 1, 4)))
     np.testing.assert_allclose(found, 0.9, rtol=1e-6)
-    assert program.rounding == np.finfo(np.float32).eps / 2
+    assert 1e-8 < program.rounding < 2e-7
+
+
+def test_the_tolerance_of_an_adaptive_solver_is_seen() -> None:
+    from scipy.integrate import solve_ivp
+
+    def step(state, t, dt, inputs, parameters):
+        def tendency(_, u):
+            return [u[1], -np.sin(u[0])]
+
+        start = [state["u"], state["v"]]
+        found = solve_ivp(tendency, (0, dt), start, rtol=1e-4, atol=1e-6)
+        return {"u": found.y[0, -1], "v": round(found.y[1, -1], 8)}
+
+    program = opened(step, "u", "v")
+    stepped(program, np.array([[1.0, 0.5]]))
+    assert 1e-9 < program.rounding < 1e-8
 
 
 def test_a_function_of_whole_runs_is_stepped() -> None:
