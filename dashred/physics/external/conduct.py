@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import factorial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +16,10 @@ from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
 ROUNDING_ERRORS = 32
 # Relative change that gives a second state, which a wrong batch would mix with the first.
 CHANGE = 0.1
-# Relative distance of states whose differences show rounding and not the function.
-CLOSE = 1e-5
+# Length of a line of states on which results show their rounding, relative to the states.
+CLOSE, CLOSE_STATES = 1e-5, 8
+GOLDEN = (5**0.5 - 1) / 2
+LEAST_ROUNDING = float(np.finfo(np.float64).eps) / 2
 # Size of a field of zeros in the second state, as a share of the largest value of the first.
 OF_ZEROS = 1e-3
 # Two half steps differ from one step by more than this share of a step's change only if the length
@@ -89,7 +90,7 @@ def examine(adapter: Adapter, start: StateBatch) -> Conduct:
     again = adapter.call(start, one)
     seconds = time.perf_counter() - began
     rounding = _rounding(adapter, start, one)
-    if not equal(first, again, rounding):
+    if not equal(first, again, LEAST_ROUNDING):
         hint = "a state must hold all that the program remembers; random numbers need a fixed seed"
         size = np.abs(first - again).max()
         raise ProgramError(f"returns results that differ by {size:.3g} for the same state", hint)
@@ -195,32 +196,26 @@ def _changed(states: Array) -> Array:
 
 
 def _rounding(adapter: Adapter, start: StateBatch, one: Way) -> float:
-    """Return the relative error of rounding and tolerances, by differences of close states.
+    """Return the relative error of rounding and of tolerances, from the results of close states.
 
-    Of seven states at equal distances, differences of orders 4 to 6 have nothing of a smooth
-    function; those of an error with variance s² have the variance ``s² (2k)! / (k!)²`` (Moré and
-    Wild, SIAM J. Sci. Comput. 33, 2011).
+    Along a short line of states a result is a cubic but for these errors. The places on the line
+    are irregular, because equal distances may be whole numbers of the last digit.
     """
     sizes = np.random.default_rng(0).uniform(0.5, 1.5, start.states.shape)
-    distance = CLOSE * sizes * _scale(start.states)
+    line = CLOSE * sizes * _scale(start.states)
+    places = np.arange(CLOSE_STATES) * GOLDEN % 1
     results = []
-    for index in range(7):
-        found = _tried(adapter, replace(start, states=start.states + index * distance), one)
+    for place in places:
+        found = _tried(adapter, replace(start, states=start.states + place * line), one)
         if found is None or not np.isfinite(found).all():
-            break
+            return LEAST_ROUNDING
         results.append(found[0])
-    smallest = float(np.finfo(np.float64).eps) / 2
-    if len(results) < 7:
-        return smallest
     values = np.stack(results)
-    grid = tuple(range(2, values.ndim))
-    scale = np.abs(values).max(axis=(0, *grid))
-    errors = []
-    for order in (4, 5, 6):
-        squares = (np.diff(values, order, axis=0) ** 2).mean(axis=(0, *grid))
-        error = np.sqrt(squares * factorial(order) ** 2 / factorial(2 * order))
-        errors.append(float((error / np.where(scale > 0, scale, 1.0)).max()))
-    return max(smallest, min(errors))
+    flat = (values - values[0]).reshape(CLOSE_STATES, -1)
+    _, squares, *_ = np.linalg.lstsq(np.vander(places, 4), flat, rcond=None)
+    errors = np.sqrt(squares / (CLOSE_STATES - 4)).reshape(values.shape[1:])
+    scale = _scale(values).max(axis=0)
+    return max(LEAST_ROUNDING, float((errors / scale).max()))
 
 
 def _scale(states: Array) -> Array:

@@ -54,8 +54,6 @@ class Instance:
                     description.description,
                     description.kind,
                     logger=self._log(),
-                    # Exporters leave out functions that no simulator needs.
-                    require_functions=False,
                 )
             finally:
                 os.chdir(before)  # FMPy stays in the folder of a library that cannot be loaded.

@@ -51,6 +51,9 @@ def integrate(instance: Instance, x: Array, t: float, dt: float, steps: int) -> 
         dt: length of the whole.
         steps: number of steps.
 
+    Returns:
+        The states; NaN if they are not finite.
+
     Raises:
         ProgramError: the FMU fails.
     """
@@ -59,6 +62,8 @@ def integrate(instance: Instance, x: Array, t: float, dt: float, steps: int) -> 
     while end - t > 1e-9 * longest:
         h = min(longest, end - t, instance.next_event - t)
         after = _step(instance, x, t, h)
+        if not np.isfinite(after).all():
+            return np.full_like(x, np.nan)
         found = instance.signs(t + h, after)
         is_event = bool((found != signs).any())
         if is_event:
