@@ -13,6 +13,8 @@ from dashred.config.schema.settings import Settings
 OUTPUT_SECTIONS = ("output", "tracking")
 # Keys that apply only to recording a twin, not to an existing recording.
 TWIN_ONLY = ("noise", "duration", "reads")
+# Keys of a simulator that do not change its results.
+NOT_RESULTS = ("keep", "time_limit")
 # Keys that are left out if they are empty.
 LATER_KEYS = (
     ("system", "units"),
@@ -70,8 +72,8 @@ def frozen_input(config: Settings) -> dict[str, Any]:
 
 def _frozen_simulator(simulator: dict[str, Any]) -> dict[str, Any]:
     """Return what is set of a simulator, with its files named without their folders."""
-    found = {key: value for key, value in simulator.items() if value}
-    for key in ("template",):
+    found = {key: value for key, value in simulator.items() if value and key not in NOT_RESULTS}
+    for key in ("fmu", "template"):
         if key in found:
             found[key] = Path(found[key]).name
     if "command" in found:

@@ -112,8 +112,22 @@ class ExternalSimulator:
     """Path of a Jinja2 template that writes one state as the text that the command reads. Its
     output is then text too: one line for each grid point, one column for each field."""
 
+    fmu: str | None = None
+    """Path of an FMU, of FMI 2 or 3. The fields, parameters and inputs are variables of it."""
+
+    variables: dict[str, str] = field(default_factory=dict)
+    """Names of variables of the FMU that differ from those of the system: ``{h: body.h}``."""
+
+    interface: Literal["model-exchange", "co-simulation"] | None = None
+    """What is used of an FMU: its derivatives, which are integrated here, or its own solver. Null
+    takes the derivatives if it has them."""
+
     time_limit: Annotated[Positive, Unit("s")] = 60.0
     """Longest time that the command may take to step one state."""
+
+    keep: bool = True
+    """Whether results of calls that take more than 5 ms are kept on disk for later runs. They count
+    as long as the program's own files are the same: set false if it reads others that change."""
 
     fields: list[str] | None = None
     """Fields that the program steps; null for all. The others have equations."""

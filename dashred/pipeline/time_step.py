@@ -70,7 +70,9 @@ def with_time_step(
         for coarse, fine in pairwise(map(probed.with_step, steps)):
             tried = coarse.dt
             if _change(coarse, fine, recording, allowed, deadline) <= 1:
-                return system.with_step(tried), f"time step: {tried:.6g}, chosen for an error far below the noise"
+                return system.with_step(
+                    tried
+                ), f"time step: {tried:.6g}, chosen for an error far below the noise"
         reason = ""
     except OutOfTimeError:
         reason = ", and the budget gives no more time to choose"

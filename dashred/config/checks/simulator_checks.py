@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dashred.config.schema.types import Where
-from dashred.core.errors import InputError
+from dashred.core.errors import InputError, nearest
 from dashred.physics.external.command.netcdf_files import OWN_NAMES
 from dashred.physics.system_schema import System
 
@@ -21,6 +21,20 @@ def check_simulator(system: System, where: Where) -> None:
     if simulator.template is not None and simulator.command is None:
         what = f"{key}.template is for a command, but there is none"
         raise InputError(what, where=where(f"{key}.template"), hint="remove it")
+    if simulator.fmu is not None and system.axes:
+        what, hint = "the fields of an FMU are numbers: it has no axes", "remove system.axes"
+        raise InputError(what, where=where("system.axes"), hint=hint)
+    if simulator.fmu is None and simulator.interface is not None:
+        what = f"{key}.interface is for an FMU, but there is none"
+        raise InputError(what, where=where(f"{key}.interface"), hint="remove it")
+    for name in simulator.variables:
+        own = {**system.fields, **system.parameters, **system.inputs}
+        place = where(f"{key}.variables.{name}")
+        if simulator.fmu is None:
+            raise InputError(f"{key}.variables is for an FMU, but there is none", where=place)
+        if name not in own:
+            what = f"{key}.variables names {name}, which is no field, parameter or input"
+            raise InputError(what, where=place, hint=nearest(name, own))
     for name, axis in system.axes.items():
         if isinstance(axis.ends, dict) or axis.coordinates == "radial":
             what = "a program cannot have an axis with a condition for each side, or a radius"

@@ -16,6 +16,10 @@ from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
 ROUNDING_ERRORS = 32
 # Relative change that gives a second state, which a wrong batch would mix with the first.
 CHANGE = 0.1
+# Length of a line of states on which results show their rounding, relative to the states.
+CLOSE, CLOSE_STATES = 1e-5, 8
+GOLDEN = (5**0.5 - 1) / 2
+LEAST_ROUNDING = float(np.finfo(np.float64).eps) / 2
 # Size of a field of zeros in the second state, as a share of the largest value of the first.
 OF_ZEROS = 1e-3
 # Two half steps differ from one step by more than this share of a step's change only if the length
@@ -85,8 +89,8 @@ def examine(adapter: Adapter, start: StateBatch) -> Conduct:
     began = time.perf_counter()
     again = adapter.call(start, one)
     seconds = time.perf_counter() - began
-    rounding = _rounding(other.states, second)
-    if not equal(first, again, rounding):
+    rounding = _rounding(adapter, start, one)
+    if not equal(first, again, LEAST_ROUNDING):
         hint = "a state must hold all that the program remembers; random numbers need a fixed seed"
         size = np.abs(first - again).max()
         raise ProgramError(f"returns results that differ by {size:.3g} for the same state", hint)
@@ -191,18 +195,33 @@ def _changed(states: Array) -> Array:
     return states * (1 + CHANGE * wave) + zero * OF_ZEROS * largest * wave
 
 
-def _rounding(before: Array, after: Array) -> float:
-    """Return the rounding error of results, by the number of digits that they use."""
-    for kind in (np.float16, np.float32):
-        # A state that itself has few digits shows nothing.
-        if _fits(after, kind) and not _fits(before, kind):
-            return float(np.finfo(kind).eps) / 2
-    return float(np.finfo(np.float64).eps) / 2
+def _rounding(adapter: Adapter, start: StateBatch, one: Way) -> float:
+    """Return the relative error of rounding and of tolerances, from the results of close states.
+
+    Along a short line of states a result is a cubic but for these errors. The places on the line
+    are irregular, because equal distances may be whole numbers of the last digit.
+    """
+    sizes = np.random.default_rng(0).uniform(0.5, 1.5, start.states.shape)
+    line = CLOSE * sizes * _scale(start.states)
+    places = np.arange(CLOSE_STATES) * GOLDEN % 1
+    results = []
+    for place in places:
+        found = _tried(adapter, replace(start, states=start.states + place * line), one)
+        if found is None or not np.isfinite(found).all():
+            return LEAST_ROUNDING
+        results.append(found[0])
+    values = np.stack(results)
+    flat = (values - values[0]).reshape(CLOSE_STATES, -1)
+    _, squares, *_ = np.linalg.lstsq(np.vander(places, 4), flat, rcond=None)
+    errors = np.sqrt(squares / (CLOSE_STATES - 4)).reshape(values.shape[1:])
+    scale = _scale(values).max(axis=0)
+    return max(LEAST_ROUNDING, float((errors / scale).max()))
 
 
-def _fits(values: Array, kind: type[np.floating]) -> bool:
-    with np.errstate(over="ignore"):
-        return bool((values == values.astype(kind)).all())
+def _scale(states: Array) -> Array:
+    """Return the largest value of each field, or of the state for a field of zeros."""
+    largest = np.abs(states).max(axis=tuple(range(2, states.ndim)), keepdims=True)
+    return np.where(largest > 0, largest, np.abs(states).max() or 1.0)
 
 
 def equal(a: Array, b: Array, rounding: float) -> bool:

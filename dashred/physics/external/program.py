@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from dashred.physics.external.adapter import Adapter
 from dashred.physics.external.command.command import open_command
 from dashred.physics.external.command.layout import Layout
+from dashred.physics.external.fmu.fmu import open_fmu
 from dashred.physics.external.function import open_function, open_run
 from dashred.physics.external.partial import PartialProgram
 from dashred.physics.external.protocol import Program
@@ -40,7 +42,7 @@ def open_program(config: System, where: Callable[[str], str], grid: Grid) -> Pro
     known = repr(simulator), tuple(config.fields), repr(config.units), grid, place
     if known not in _opened:
         own = stepped_fields(config)
-        program = SteppedProgram(_adapter(config, own, key, grid, place), grid)
+        program = SteppedProgram(_adapter(config, own, key, grid, place), grid, simulator.keep)
         places = [i for i, field in enumerate(config.fields) if field in own]
         whole = len(places) == len(config.fields)
         _opened[known] = program if whole else PartialProgram(program, places)
@@ -58,7 +60,19 @@ def _adapter(config: System, fields: tuple[str, ...], key: str, grid: Grid, plac
         layout = Layout(fields, axes, config.units)
         limit = simulator.time_limit
         return open_command(simulator.command, simulator.template, limit, layout, place)
+    if simulator.fmu is not None:
+        others, interface = _names_of_fmu(config), simulator.interface
+        return open_fmu(simulator.fmu, fields, others, simulator.variables, interface, place)
     if simulator.function is not None:
         return open_function(simulator.function, fields, place)
     assert simulator.run is not None
     return open_run(simulator.run, fields, place)
+
+
+def _names_of_fmu(config: System) -> list[str]:
+    """Return the parameters and inputs that an FMU must have: all but those of the law alone."""
+    texts = " ".join(repr(part) for part in (config.equations, config.let, config.energy))
+    own = set(re.findall(r"[A-Za-z]\w*", texts))
+    simulator = config.simulator
+    named = set() if simulator is None else set(simulator.variables)
+    return [n for n in (*config.parameters, *config.inputs) if n in named or n not in own]

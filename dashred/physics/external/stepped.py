@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,7 @@ from dashred.core.errors import InputError
 from dashred.core.threads import in_threads, thread_count
 from dashred.physics.external.adapter import Adapter, Unread
 from dashred.physics.external.conduct import Conduct, equal, examine
+from dashred.physics.external.kept_results import WORTH_KEEPING, KeptResults
 from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
 from dashred.physics.grids.grid import Grid
 
@@ -25,15 +28,16 @@ class SteppedProgram:
 
     failure: str | None = None
 
-    def __init__(self, adapter: Adapter, grid: Grid) -> None:
+    def __init__(self, adapter: Adapter, grid: Grid, keep: bool = True) -> None:
         """Set the program.
 
         Args:
             adapter: of the program.
             grid: of the system, whose states have the mirror image of an axis with equal ends; the
                 program's states have not.
+            keep: whether results of expensive calls are kept on disk.
         """
-        self._adapter, self._grid = adapter, grid
+        self._adapter, self._grid, self._keep = adapter, grid, keep
         self._conduct: Conduct | None = None
         self._calls = 0
 
@@ -68,14 +72,44 @@ class SteppedProgram:
 
     def _step(self, batch: StateBatch) -> Array:
         if self._conduct is None:
+            self._open(batch)
+        if not self._keeps_results:
+            return self._step_all(batch)
+        known = self._results.find(batch)
+        result = np.stack([batch.states[0] if r is None else r for r in known])
+        missing = [row for row, r in enumerate(known) if r is None]
+        if missing:
+            rest = batch.take(missing)
+            result[missing] = found = self._step_all(rest)
+            self._results.keep(rest, found)
+        return result
+
+    def _open(self, batch: StateBatch) -> None:
+        """Find how the program is called: from an earlier process, or by calling it."""
+        kept = self._results.conduct() if self._keep else None
+        if kept is None:
             try:
-                self._conduct = examine(self._adapter, batch.take([0]))
+                kept = examine(self._adapter, batch.take([0]))
             except ProgramError as error:
                 what = f"{self._adapter.name} {error}"
                 raise InputError(what, where=self._adapter.place, hint=error.hint) from error
-        result = self._step_groups(batch, self._conduct)
-        if self._conduct.many and not self._is_same_alone(batch, result):
-            self._conduct = self._conduct.one_by_one()
+            if self._keep and kept.seconds >= WORTH_KEEPING:
+                self._results.keep_conduct(kept)
+        self._conduct = kept
+
+    @property
+    def _keeps_results(self) -> bool:
+        return self._keep and self.conduct.seconds >= WORTH_KEEPING
+
+    @cached_property
+    def _results(self) -> KeptResults:
+        words = json.dumps([self._adapter.sha256(), *self._adapter.fields])
+        return KeptResults(words)
+
+    def _step_all(self, batch: StateBatch) -> Array:
+        result = self._step_groups(batch, self.conduct)
+        if self.conduct.many and not self._is_same_alone(batch, result):
+            self._conduct = self.conduct.one_by_one()
             return self._step_groups(batch, self._conduct)
         return result
 

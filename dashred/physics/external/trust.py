@@ -38,6 +38,7 @@ def names_of(simulator: ExternalSimulator) -> dict[str, str]:
     named = {
         "function": simulator.function,
         "run": simulator.run,
+        "fmu": simulator.fmu,
         "command": None if words is None else "".join(words[:1]),
     }
     return {key: name for key, name in named.items() if name is not None}

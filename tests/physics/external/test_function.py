@@ -19,7 +19,9 @@ NAME, PLACE = "mypkg.step", "mine.yaml:7"
 
 
 def opened(function: Callable[..., Any], *fields: str) -> SteppedProgram:
-    return SteppedProgram(FunctionAdapter(function, fields or ("u",), NAME, PLACE), Grid(()))
+    return SteppedProgram(
+        FunctionAdapter(function, fields or ("u",), NAME, PLACE), Grid(()), keep=False
+    )
 
 
 def stepped(program: SteppedProgram, states: np.ndarray, **over: Any) -> np.ndarray:
@@ -52,7 +54,7 @@ def test_a_function_of_arrays_takes_all_states_in_one_call() -> None:
     found = stepped(program, states, dt=dt)
     np.testing.assert_allclose(found, states * (1 - 2 * dt.reshape(-1, 1, 1)), rtol=1e-14)
     assert calls[-2:] == [(5, 4), (4,)]  # the last is a check of one state
-    assert program.conduct.way.arrays and program.rounding == np.finfo(float).eps / 2
+    assert program.conduct.way.arrays and program.rounding < 1e-15
 
 
 def test_a_function_of_one_state_is_called_for_each() -> None:
@@ -133,7 +135,17 @@ def test_torch_and_its_single_precision_are_seen() -> None:
     program = opened(step)
     found = stepped(program, np.ones((2, 1, 4)))
     np.testing.assert_allclose(found, 0.9, rtol=1e-6)
-    assert program.rounding == np.finfo(np.float32).eps / 2
+    assert 1e-8 < program.rounding < 2e-7
+
+
+@pytest.mark.parametrize("digits", [5, 8, 11])
+def test_digits_of_a_result_are_seen(digits: int) -> None:
+    def step(state, t, dt, inputs, parameters):
+        return {"u": state["u"] + dt * np.sin(state["v"]), "v": round(state["v"] * 0.9, digits)}
+
+    program = opened(step, "u", "v")
+    stepped(program, np.array([[1.0, 1.5]]))
+    assert 0.1 < program.rounding * 10**digits < 1
 
 
 def test_a_function_of_whole_runs_is_stepped() -> None:
@@ -252,7 +264,7 @@ def test_a_program_does_not_see_the_mirror_image_of_an_axis() -> None:
         return decay(state, t, dt, inputs, parameters)
 
     grid = Grid((Axis("x", 1.0, 4, "insulated"),))
-    program = SteppedProgram(FunctionAdapter(step, ("u",), NAME, PLACE), grid)
+    program = SteppedProgram(FunctionAdapter(step, ("u",), NAME, PLACE), grid, keep=False)
     own = torch.arange(10.0, dtype=torch.float64).reshape(2, 1, 5)
     found = stepped(program, grid.ring(own).numpy())
     np.testing.assert_allclose(found, 0.8 * grid.ring(own).numpy())
