@@ -15,6 +15,7 @@ from dashred.physics.system_schema import System
 
 CLASS_KEY, SIMULATOR_KEY = "system.class", "system.simulator"
 DOTTED = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)+\Z")
+EXAMPLE = 'for example [./solver, --in, "{input}", --out, "{output}"]'
 # These packages include the truth of twins and cannot be a user's simulator.
 OWN_PACKAGES = ("dashred", "callbacks", "datamodules")
 
@@ -60,7 +61,9 @@ def check_trust(settings: Settings, trusted: str | None, where: Where, folder: P
     else:
         is_trusted = trusted is not None and _is_file(trusted, name, folder)
     if not is_trusted:
-        raise not_trusted(name, where(key))
+        simulator = system.simulator
+        words = (simulator and simulator.command) or ()
+        raise not_trusted(name, where(key), words)
     _check_alone(settings, key, where)
     trust(name)
 
@@ -70,6 +73,9 @@ def _code(system: System, where: Where) -> tuple[str, str | None]:
     simulator = system.simulator
     given = [] if system.class_ is None else [(CLASS_KEY, system.class_)]
     if simulator is not None:
+        if simulator.command == []:
+            key = f"{SIMULATOR_KEY}.command"
+            raise InputError(f"{key} has no words", where=where(key), hint=EXAMPLE)
         given += [(f"{SIMULATOR_KEY}.{key}", name) for key, name in names_of(simulator).items()]
     if len(given) > 1:
         what = f"{given[0][0]} and {given[1][0]} are both given"

@@ -131,7 +131,9 @@ def _change(
         start = nominal_start(fine, timed)
     except InputError:
         return math.inf
-    path, rough = (simulate(s, start, times, progress=timed)[0] for s in (fine, coarse))
+    rough = simulate(coarse, start, times, progress=timed)[0]
+    # The states of a program differ little, and a run of it may take long.
+    path = rough if coarse.program else simulate(fine, start, times, progress=timed)[0]
     if torch.isfinite(path).all() and not torch.isfinite(rough).all():
         return math.inf
     known = _within_range(operator(path[None])[0], recording)

@@ -22,17 +22,22 @@ class PartialProgram:
 
     @property
     def rounding(self) -> float:
-        """See :class:`.program.Program`."""
+        """See :class:`.protocol.Program`."""
         return self.program.rounding
 
     @property
     def seconds(self) -> float:
-        """See :class:`.program.Program`."""
+        """See :class:`.protocol.Program`."""
         return self.program.seconds
 
     @property
+    def sha256(self) -> str:
+        """See :class:`.protocol.Program`."""
+        return self.program.sha256
+
+    @property
     def failure(self) -> str | None:
-        """See :class:`.program.Program`."""
+        """See :class:`.protocol.Program`."""
         return self.program.failure
 
     def step(
@@ -43,7 +48,7 @@ class PartialProgram:
         inputs: Mapping[str, Array],
         parameters: Mapping[str, float],
     ) -> Array:
-        """See :meth:`.program.Program.step`."""
+        """See :meth:`.protocol.Program.step`."""
         after, own = states.copy(), list(self.places)
         after[:, own] = self.program.step(states[:, own], t, dt, inputs, parameters)
         return after

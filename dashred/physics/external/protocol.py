@@ -30,6 +30,10 @@ class Program(Protocol):
         """Duration of one call with one state."""
 
     @property
+    def sha256(self) -> str:
+        """Hash of the contents of its own files."""
+
+    @property
     def failure(self) -> str | None:
         """What it said when it last failed: an exception with its place, or lines of stderr."""
 

@@ -13,8 +13,10 @@ import torch
 from dashred.core.errors import InputError
 from dashred.core.threads import in_threads, thread_count
 from dashred.physics.external.adapter import Adapter, Unread
-from dashred.physics.external.conduct import Conduct, equal, examine
+from dashred.physics.external.conduct import Conduct
+from dashred.physics.external.examination import examine
 from dashred.physics.external.kept_results import WORTH_KEEPING, KeptResults
+from dashred.physics.external.rounding import equal
 from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
 from dashred.physics.grids.grid import Grid
 
@@ -47,14 +49,19 @@ class SteppedProgram:
         assert self._conduct is not None, "a program is examined by its first step"
         return self._conduct
 
+    @cached_property
+    def sha256(self) -> str:
+        """See :class:`dashred.physics.external.protocol.Program`."""
+        return self._adapter.sha256()
+
     @property
     def rounding(self) -> float:
-        """See :class:`dashred.physics.external.program.Program`."""
+        """See :class:`dashred.physics.external.protocol.Program`."""
         return self.conduct.rounding
 
     @property
     def seconds(self) -> float:
-        """See :class:`dashred.physics.external.program.Program`."""
+        """See :class:`dashred.physics.external.protocol.Program`."""
         return self.conduct.seconds
 
     def step(
@@ -65,7 +72,7 @@ class SteppedProgram:
         inputs: Mapping[str, Array],
         parameters: Mapping[str, float],
     ) -> Array:
-        """See :meth:`dashred.physics.external.program.Program.step`."""
+        """See :meth:`dashred.physics.external.protocol.Program.step`."""
         own: tuple[Any, ...] = (..., *(axis.own for axis in self._grid.axes))
         found = self._step(StateBatch(states[own], t, dt, inputs, parameters))
         return self._grid.ring(torch.from_numpy(found)).numpy()
@@ -103,7 +110,7 @@ class SteppedProgram:
 
     @cached_property
     def _results(self) -> KeptResults:
-        words = json.dumps([self._adapter.sha256(), *self._adapter.fields])
+        words = json.dumps([self.sha256, *self._adapter.fields])
         return KeptResults(words)
 
     def _step_all(self, batch: StateBatch) -> Array:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from dashred.core.errors import InputError
 from dashred.physics.system_schema import ExternalSimulator
 
@@ -23,10 +25,10 @@ def check_trusted(name: str, place: str) -> None:
         raise not_trusted(name, place)
 
 
-def not_trusted(name: str, place: str) -> InputError:
-    """Return the error of a program that is not trusted."""
+def not_trusted(name: str, place: str, words: Sequence[str] = ()) -> InputError:
+    """Return the error of a program that is not trusted, which shows all words of a command."""
     return InputError(
-        f"this system runs {name}, with all your permissions",
+        f"this system runs {' '.join(words) or name}, with all your permissions",
         where=place,
         hint=f"read it first; if you trust it, add trust={name} to the command line",
     )

@@ -24,12 +24,14 @@ from dashred.config.schema.settings import Settings
 from dashred.core.errors import InputError
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.findings import versions, write_json_atomic
+from dashred.physics.system import System
 
 # The checkout, or the folder of installed packages.
 ROOT = PACKAGE.parent
 PACKAGES = ("dashred", "datamodules", "callbacks")
 CONFIGURATION, RECORDING = "the configuration", "the recording"
 SNAPSHOTS, CODE = "the snapshots", "the code of dashred"
+PROGRAM = "the program that is the simulator"
 # File in the output folder with the id of the run that writes there.
 POINTER = ".run"
 # Tag of a run whose findings are frozen and logged: its analysis is complete.
@@ -45,6 +47,9 @@ RECORDING_ONLY = ("twin", "path", "sensors", *TWIN_ONLY)
 def manifest_of(config: Config, recording_sha256: str) -> dict[str, str]:
     """Return everything that determines the findings, by name, as strings to compare."""
     inputs = {CONFIGURATION: config_sha256(config), RECORDING: recording_sha256}
+    program = System(config.system, config.where).program
+    if program is not None:
+        inputs[PROGRAM] = program.sha256
     return inputs | environment_manifest()
 
 
@@ -127,7 +132,7 @@ def differences(manifest: dict[str, str], now: dict[str, str]) -> list[str]:
         before = manifest.get(name)
         if before == value:
             continue
-        is_hash = name in (CONFIGURATION, RECORDING, SNAPSHOTS, CODE)
+        is_hash = name in (CONFIGURATION, RECORDING, SNAPSHOTS, PROGRAM, CODE)
         changes.append(f"{name} has changed" if is_hash else f"{name} was {before}, is {value}")
     return changes
 
