@@ -18,7 +18,8 @@ Array = NDArray[np.float64]
 class Program(Protocol):
     """A program that advances states.
 
-    The first call of :meth:`step` examines it; ``rounding`` and ``seconds`` are known after that.
+    The first call of :meth:`step` examines it: ``seconds`` is known after that, and ``rounding`` is
+    that of single precision until then.
     """
 
     @property

@@ -20,6 +20,9 @@ from dashred.physics.external.rounding import equal
 from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
 from dashred.physics.grids.grid import Grid
 
+# Rounding error that is assumed until the first step: that of single precision.
+SINGLE = 6e-8
+
 
 class SteppedProgram:
     """A program behind an adapter, which the first step examines.
@@ -57,7 +60,7 @@ class SteppedProgram:
     @property
     def rounding(self) -> float:
         """See :class:`dashred.physics.external.protocol.Program`."""
-        return self.conduct.rounding
+        return SINGLE if self._conduct is None else self._conduct.rounding
 
     @property
     def seconds(self) -> float:

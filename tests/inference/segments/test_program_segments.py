@@ -1,0 +1,61 @@
+"""Segments of a program with a law, against those of the same equations."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from dashred.config import load_config
+from dashred.inference.forward.candidates import Candidate
+from dashred.inference.segments.segment_simulator import SegmentSimulator
+from dashred.inference.segments.segments import cut
+from dashred.physics.library import resolve
+from dashred.physics.system import System, Term
+
+TEXT = """
+system:
+  title: pendulum
+  fields: {theta: angle, omega: rate}
+  parameters: {g: 4.0}
+  BODY
+  start: {theta: 1.2, omega: 0.3}
+  integrator: {dt: 0.0125}
+recording: {twin: a, sensors: 1, noise: 0, duration: 4, every: 0.1}
+"""
+
+
+def simulator(folder: Path, body: str, *words: str) -> SegmentSimulator:
+    path = folder / "pendulum.yaml"
+    path.write_text(TEXT.replace("BODY", body))
+    config = load_config([f"conf={path}", *words], entry="test")
+    times = np.linspace(0, 2, 21)
+    segments = cut([times], [np.zeros((21, 1))], 4)
+    return SegmentSimulator([System(config.system, config.where)], segments, 8)
+
+
+def candidates(system: System, *listed: tuple[str, str]) -> list[Candidate]:
+    terms = [Term(e, system.parse(t, "test", equation=e)) for e, t in listed]
+    ready = resolve(system, terms)
+    return [Candidate(str(t), t.equation, (r,), 1.0) for t, r in zip(terms, ready, strict=True)]
+
+
+def test_states_columns_and_rates_are_those_of_the_equations(tmp_path: Path) -> None:
+    known = simulator(tmp_path, "equations: {theta: omega, omega: -g*sin(theta)}")
+    program = simulator(
+        tmp_path,
+        "simulator: {function: tests.programs.pendulum}",
+        "trust=tests.programs.pendulum",
+        "recording.path=recorded.csv",
+    )
+    nodes = torch.randn((5, 2), generator=torch.Generator().manual_seed(1)).double().numpy()
+    law = candidates(known.systems[0], ("omega", "omega"), ("theta", "1"), ("omega", "theta**3"))
+    xi, force = np.array([-0.3, 0.0, 0.1]), np.full((5, 2), 0.05)
+    expected, slopes = known.linearise(nodes, law, xi, force, [1])
+    found, columns = program.linearise(nodes, law, xi, force, [1])
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(columns, slopes, rtol=0, atol=1e-3 * np.abs(slopes).max())
+    np.testing.assert_allclose(program.run(nodes, law, xi, force), found, rtol=1e-12, atol=1e-12)
+    rates, *_ = program.tendencies(nodes, law)
+    np.testing.assert_allclose(rates, known.tendencies(nodes, law)[0], rtol=0, atol=0.03)

@@ -1,0 +1,92 @@
+"""Tangents of a program with a law, against those of the same equations."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from torch import Tensor
+
+from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
+from dashred.physics.library import resolve
+from dashred.physics.runs.initial_state_prior import nominal_start
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.simulate import simulate
+from dashred.physics.system import System, Term
+from dashred.physics.tangents.ode_tangents import tangent_ode
+from dashred.physics.tangents.program_tangents import tangent_program
+from dashred.physics.tangents.tangent_linear import tangent_linear
+
+TIMES = torch.linspace(0, 2, 21, dtype=torch.float64)
+PENDULUM = """
+    fields: {theta: angle, omega: rate}
+    parameters: {g: 4.0}
+    BODY
+    start: {theta: 1.2, omega: 0.3}
+    integrator: {dt: 0.0125}
+"""
+HEAT = """
+    axes: {x: {length: 2*pi, points: 32}}
+    fields: {u: temperature}
+    parameters: {kappa: 0.3}
+    BODY
+    start: {u: 1 + sin(x) + 0.3*cos(3*x)}
+    integrator: {dt: 0.0125}
+"""
+
+
+def terms(system: System, *listed: tuple[str, str]) -> tuple[Term, ...]:
+    return resolve(system, [Term(e, system.parse(t, "test", equation=e)) for e, t in listed])
+
+
+def stacked(samples) -> tuple[Tensor, Tensor]:
+    states, columns = zip(*samples, strict=True)
+    return torch.stack(states), torch.stack(columns)
+
+
+def relative(found: Tensor, expected: Tensor) -> Tensor:
+    """Return the error of every column, ``(column,)``."""
+    found, expected = (each.transpose(0, 1).flatten(1) for each in (found, expected))
+    return (found - expected).norm(dim=1) / expected.norm(dim=1)
+
+
+def test_columns_of_an_ode_are_those_of_its_equations(make_system) -> None:
+    known = make_system(PENDULUM.replace("BODY", "equations: {theta: omega, omega: -g*sin(theta)}"))
+    program = make_system(
+        PENDULUM.replace("BODY", "simulator: {function: tests.programs.pendulum}"),
+        "trust=tests.programs.pendulum",
+        "recording.path=recorded.csv",
+    )
+    start, eye = nominal_start(known)[0], torch.eye(2, dtype=torch.float64)
+    forcing = Forcing(terms(known, ("omega", "omega")), torch.tensor([[-0.3]]).double())
+    sources = [terms(known, ("omega", "omega")), terms(known, ("theta", "sin(theta)"))]
+    basis = ForcingBasis.over(known, TIMES, 1, 3)
+    pushed = SampledForcing(TIMES[[0, -1]], torch.tensor([[[0.0, 0.1], [0.0, -0.2]]]).double())
+    parts = start, eye, TIMES, forcing, sources, pushed, basis
+    states, columns = stacked(tangent_ode(known, *parts))
+    found_states, found = stacked(tangent_program(program, *parts))
+    assert found.shape == (21, 2 + 2 + 6, 2)
+    torch.testing.assert_close(found_states, states, rtol=1e-4, atol=1e-4)
+    assert relative(found, columns).max() < 1e-3
+    [own] = simulate(program, start[None], TIMES, forcing, sampled_forcing=pushed)
+    torch.testing.assert_close(found_states, own, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize(("name", "limit"), [("heat", 2e-3), ("heat_of_singles", 1e-2)])
+@pytest.mark.parametrize("directions", [2, 40])
+def test_columns_of_a_field_are_those_of_its_equations(
+    make_system, name: str, limit: float, directions: int
+) -> None:
+    known = make_system(HEAT.replace("BODY", "equations: {u: kappa*lap(u)}"))
+    body = f"simulator: {{function: tests.programs.{name}}}"
+    words = f"trust=tests.programs.{name}", "recording.path=recorded.csv"
+    program = make_system(HEAT.replace("BODY", body), *words)
+    start = nominal_start(known)[0]
+    # More directions than values: the derivative is that along every value.
+    random = torch.randn((directions, 1, 32), generator=torch.Generator().manual_seed(0)).double()
+    forcing = Forcing(terms(known, ("u", "u**2")), torch.tensor([[-0.2]]).double())
+    sources = [terms(known, ("u", term)) for term in ("u", "u*d(u, x)", "lap(u)")]
+    basis = ForcingBasis.over(known, TIMES, 3, 3)
+    parts = start, random, TIMES, forcing, sources
+    expected = stacked(tangent_linear(known, *parts, forcing_basis=basis))[1]
+    found = stacked(tangent_program(program, *parts, forcing_basis=basis))[1]
+    assert relative(found, expected).max() < limit
