@@ -41,6 +41,7 @@ from dashred.pipeline.simulation.ensembles import (
 )
 from dashred.pipeline.simulation.longer_step import with_longer_step
 from dashred.pipeline.simulation.nominal_run import NominalRun, simulate_nominal
+from dashred.pipeline.simulation.program_cost import takes_too_long
 from dashred.pipeline.simulation.resolution_check import check_corrected, check_discretisation
 from dashred.pipeline.simulation.state_samples import state_samples
 from dashred.pipeline.verification import verification as verify
@@ -223,7 +224,10 @@ def _discover_law(
     """Discover the law along one trajectory, or over segments where none can be followed."""
     problem, nominal, segments = simulated.problem, simulated.nominal, simulated.segments
     if segments is not None and (
-        nominal.restarted or is_chaotic(segments) or has_sensor_errors(segments)
+        nominal.restarted
+        or is_chaotic(segments)
+        or has_sensor_errors(segments)
+        or takes_too_long(problem)
     ):
         with run.child("discover") as child:
             return discover_in_segments(problem, segments, child, seconds)

@@ -110,6 +110,7 @@ def simulator_remarks(context: CheckContext, nominal: NominalRun) -> Iterator[Re
     total, count = len(context.times), len(nominal.times)
     within = "" if count == total else f" (the first {count} of {total} samples)"
     yield Remark(f"The simulation runs to t = {float(nominal.times[-1]):.6g}{within}")
+    yield from _program_remarks(context)
     if nominal.blows_up:
         yield warning(
             "The simulation blows up soon after that",
@@ -124,6 +125,19 @@ def simulator_remarks(context: CheckContext, nominal: NominalRun) -> Iterator[Re
     yield from _seam_remarks(context)
     yield _resolution_remark(context, nominal, sensors, traces)
     yield from _library_remarks(context, nominal)
+
+
+def _program_remarks(context: CheckContext) -> Iterator[Remark]:
+    """Say what a call of a program takes, and how many calls a simulation makes."""
+    system, times = context.system, context.times
+    if system.program is None:
+        return
+    calls = len(times[1:]) * max(1, round(float(times[1] - times[0]) / system.dt))
+    seconds = system.program.seconds
+    yield Remark(
+        f"A call of the program takes {seconds:.2g} s; a simulation of the record "
+        f"makes {calls} calls (about {calls * seconds:.2g} s)"
+    )
 
 
 def _library_remarks(context: CheckContext, nominal: NominalRun) -> Iterator[Remark]:
@@ -203,13 +217,16 @@ def _resolution_remark(
         # As in a run: a chaotic record amplifies any error, so those of short segments are added.
         error = min(error, sensors.over_segments(system, nominal.states[:count], times).error)
     span = f", over the first {count} samples" if count < len(context.times) else ""
-    change = f"doubling the resolution changes a reading by {error:.2g} of its std{span}"
+    done = "doubling the resolution" if system.program is None else "half of the time step"
+    change = f"{done} changes a reading by {error:.2g} of its std{span}"
     if error <= limit:
         return Remark(f"The simulation is resolved: {change}")
     text = f"The simulation is not resolved: {change}, more than {limit:g}"
     why = "a run would find no law, because this error would look like missing physics"
     if system.axes:
-        remedy = "decrease system.integrator.dt, or increase the points of the axes"
+        remedy = "decrease system.integrator.dt"
+        if system.program is None:
+            remedy += ", or increase the points of the axes"
         return Remark(text, "error", f"{why}; {remedy}")
     # A run shortens the step of an ODE system, but by a limited factor.
     return warning(

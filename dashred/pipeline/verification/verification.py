@@ -155,7 +155,9 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
 
 def unresolved_findings(problem: Problem, resolution: Resolution) -> Findings:
     """Return the findings of a simulator whose numerical error is too large to fit a law."""
-    points = {axis.name: axis.points for axis in problem.system.axes}
+    # The grid of a program is its own.
+    axes = problem.system.axes if problem.system.program is None else ()
+    points = {axis.name: axis.points for axis in axes}
     enough = None
     if resolution.enough is not None:
         enough = {name: count * resolution.enough for name, count in points.items()}
