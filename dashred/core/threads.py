@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from threading import Event
 
 import torch
 
 _threads = 1
+_given_up = Event()
 
 
 def use_threads(count: int) -> None:
@@ -19,6 +21,11 @@ def use_threads(count: int) -> None:
 def thread_count() -> int:
     """Return the number of threads of the process."""
     return _threads
+
+
+def is_given_up() -> bool:
+    """Return whether nobody waits for the tasks any more; a task that waits long should end."""
+    return _given_up.is_set()
 
 
 def in_threads(run: Callable[[int], None], count: int) -> Iterator[float]:
@@ -34,7 +41,12 @@ def in_threads(run: Callable[[int], None], count: int) -> Iterator[float]:
             run(j)
             yield (j + 1) / count
         return
+    _given_up.clear()
     # Each thread of torch would otherwise start several more.
     with ThreadPoolExecutor(_threads, initializer=torch.set_num_threads, initargs=(1,)) as pool:
-        for done, _ in enumerate(pool.map(run, range(count)), start=1):
-            yield done / count
+        try:
+            for done, _ in enumerate(pool.map(run, range(count)), start=1):
+                yield done / count
+        except BaseException:  # Ctrl-C, for example
+            _given_up.set()
+            raise

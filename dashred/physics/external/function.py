@@ -34,10 +34,18 @@ class FunctionAdapter:
 
     def __init__(self, function: Function, fields: Sequence[str], name: str, place: str) -> None:
         self._function = function
+        self._is_jax = False
         self.fields, self.name, self.place = tuple(fields), name, place
 
     def call(self, batch: StateBatch, way: Way, time: Unread | None = None) -> Array:
         """See :meth:`dashred.physics.external.adapter.Adapter.call`."""
+        if not (way.batch and self._is_jax):
+            return self._call(batch, way, time)
+        # JAX compiles a function for each size of a batch: there are few powers of two.
+        rows = np.arange(1 << (len(batch) - 1).bit_length())
+        return self._call(batch.take(np.minimum(rows, len(batch) - 1)), way, time)[: len(batch)]
+
+    def _call(self, batch: StateBatch, way: Way, time: Unread | None) -> Array:
         states = batch.states if way.batch else batch.states[0]
         each = np.moveaxis(states, 1, 0) if way.batch else states
         # Indexed with (), a single number is a scalar, which code for numbers expects.
@@ -63,6 +71,7 @@ class FunctionAdapter:
                 hint = f'copy it first: {name} = state["{name}"].copy()'
                 raise ProgramError(f"changes its argument: the array of {name}", hint)
         result = read_fields(found, self.fields, each.shape[1:])
+        self._is_jax = type(found[self.fields[0]]).__module__.startswith("jax")
         return np.moveaxis(result, 0, 1) if way.batch else result[None]
 
     def sha256(self) -> str:

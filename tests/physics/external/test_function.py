@@ -158,6 +158,23 @@ def test_a_function_of_whole_runs_is_stepped() -> None:
     np.testing.assert_allclose(stepped(program, states), states * np.exp(-0.2), rtol=1e-14)
 
 
+def test_jax_compiles_for_few_sizes_of_a_batch() -> None:
+    class Traced(np.ndarray):
+        __module__ = "jaxlib._jax"
+
+    sizes = set()
+
+    def step(state, t, dt, inputs, parameters):
+        sizes.add(np.shape(state["u"]))
+        return {"u": (state["u"] * (1 - dt)).view(Traced)}
+
+    program = opened(step)
+    for members in (3, 5, 6, 7, 8):
+        states = 1 + np.random.default_rng(0).random((members, 1, 4))
+        np.testing.assert_allclose(stepped(program, states), 0.9 * states, rtol=1e-14)
+    assert sizes == {(4,), (2, 4), (4, 4), (8, 4)}
+
+
 def test_seconds_of_a_call_are_measured() -> None:
     def step(state, t, dt, inputs, parameters):
         time.sleep(0.02)

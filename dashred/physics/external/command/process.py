@@ -5,11 +5,15 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import time
 from contextlib import suppress
 from pathlib import Path
 
+from dashred.core.threads import is_given_up
 from dashred.physics.external.state_batch import ProgramError
 
+# Seconds between looks at whether a process is still waited for.
+GLANCE = 0.5
 # Lines and characters of what a program said last.
 LAST_LINES, LAST_CHARACTERS = 5, 600
 
@@ -43,17 +47,26 @@ def run_process(words: list[str], folder: Path, seconds: float) -> None:
         except OSError as error:
             raise ProgramError(f"cannot be started: {error.strerror}") from None
         try:
-            code = process.wait(seconds)
-        except subprocess.TimeoutExpired:
-            hint = "raise system.simulator.time_limit if it needs longer"
-            raise ProgramError(f"has not ended after {seconds:g} s{_said(folder)}", hint) from None
+            code = _wait(process, seconds)
         finally:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
+    if code is None:
+        hint = "raise system.simulator.time_limit if it needs longer"
+        raise ProgramError(f"has not ended after {seconds:.3g} s{_said(folder)}", hint)
     if code:
         how = f"exit code {code}" if code > 0 else f"signal {_signal_name(-code)}"
         raise ProgramError(f"fails with {how}{_said(folder)}")
+
+
+def _wait(process: subprocess.Popen[bytes], seconds: float) -> int | None:
+    """Return the exit code; None if the time is over, or nobody waits for the result."""
+    end = time.monotonic() + seconds
+    while (left := end - time.monotonic()) > 0 and not is_given_up():
+        with suppress(subprocess.TimeoutExpired):
+            return process.wait(min(left, GLANCE))
+    return None
 
 
 def last_lines(folder: Path) -> str:

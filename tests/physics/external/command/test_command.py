@@ -168,6 +168,16 @@ def test_a_program_that_hangs_is_ended_with_all_it_has_started(tmp_path: Path) -
         assert not is_running(int(pid))
 
 
+def test_a_program_that_nobody_waits_for_is_ended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dashred.physics.external.command.process.is_given_up", lambda: True)
+    began = time.monotonic()
+    with pytest.raises(InputError, match="has not ended"):
+        stepped(text_program(tmp_path, "import time; time.sleep(60)"), states_of(1))
+    assert time.monotonic() - began < 5
+
+
 def is_running(pid: int) -> bool:
     for _ in range(100):
         try:
