@@ -14,6 +14,7 @@ from dashred.config.checks.checks import MAX_STEPS
 from dashred.core.budget import Budget, Deadline
 from dashred.core.errors import InputError
 from dashred.core.findings.cause_schema import FaultySensor
+from dashred.core.stated.record_part import parse_part
 from dashred.data.clocks.own_times import describe_times, has_uneven_times
 from dashred.data.clocks.resampling import native_step, resample_all
 from dashred.data.episodes import Episodes, name_episode_in_errors
@@ -312,6 +313,9 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
         sampled, clock = resample_all(read, every)
     for clause in subtracted:
         clock = _with_clause(clock, clause)
+    chosen_part = parse_part(config.recording.begin, config.recording.end, config.where)
+    if not chosen_part.is_whole:
+        clock = _with_clause(clock, f"the part {chosen_part} of the recording")
     if read.left_out:
         clock = _with_clause(clock, f"without the columns {', '.join(read.left_out)}")
     splits = []

@@ -52,6 +52,16 @@ class Recording:
     Null keeps the recording's own step, and the times of an ODE recording as they are. In a table
     without times it is the step from row to row."""
 
+    begin: Any
+    """First time of the part of the user's own recording that is used, to leave out a start-up: a
+    number in the system's time, or a date where the recording has dates. The clock remains that of
+    the recording, so t begins at this time. The same for all episodes, each on its own clock. Null
+    for the first sample."""
+
+    end: Any
+    """Last time of the part of the user's own recording that is used, like ``begin``. A date alone
+    is its midnight. Null for the last sample."""
+
     columns: Any
     """Names of the columns of a table: a list of all, `[time, T, u]`, for a table without a header;
     or the header of some by the names that they have here, `{time: Zeit, T: Temperature 1}`. The

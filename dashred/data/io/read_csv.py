@@ -15,6 +15,7 @@ from dashred.data.checks import (
     checked_recording,
     fewest_samples,
 )
+from dashred.data.clocks.record_part import part_of
 from dashred.data.episodes import Episode, EpisodeRows, Episodes, split_into_episodes
 from dashred.data.input_action import fill_gaps
 from dashred.data.io.sensor_columns import (
@@ -119,7 +120,8 @@ def episodes_of_table(
     values = np.empty((len(table), len(sensors)))
     for index, (sensor, convert) in enumerate(zip(sensors, conversions, strict=True)):
         values[:, index] = convert(table.numbers(sensor.name))
-    times, parts = read_times(table, time, stated), _episode_rows(table)
+    clock, parts = read_times(table, time, stated), _episode_rows(table)
+    times = clock.values
     if len(parts) == 1:
         _check_one_run(table, times, time)
     fewest = fewest_samples([part.count for part in parts])
@@ -147,7 +149,8 @@ def episodes_of_table(
                 raise InputError(f"{problem}{fewest} are needed", where=stretch.location(path))
         return Episode(stretch.name, recording)
 
-    return Episodes(tuple(map(episode, parts)), tuple(left_out))
+    whole = Episodes(tuple(map(episode, parts)), tuple(left_out))
+    return part_of(whole, layout.part, path, clock.of_date)
 
 
 def _inputs(

@@ -221,7 +221,8 @@ def _sampling_remarks(
     count = len(context.times) + sum(len(other.times) for other in context.others.values())
     if len(context.times) > MANY_SAMPLES:
         slow = f"{len(context.times)} samples make a run slow"
-        yield warning(slow, "set a longer step: recording.every=STEP")
+        hint = "set a longer step, recording.every=STEP, or take a part, recording.end=TIME"
+        yield warning(slow, hint)
     elif count < FEW_SAMPLES:
         yield warning(
             f"{count} samples are few for finding a law", "record longer or at a shorter step"

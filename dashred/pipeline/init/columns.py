@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dashred.config.schema.types import NAME
 from dashred.core.errors import InputError, nearest
+from dashred.core.stated.record_part import WHOLE, RecordPart
 from dashred.core.units import TIME
 from dashred.data.io.reader import read_episodes
 from dashred.data.io.stated_units import StatedUnits
@@ -92,7 +93,10 @@ class GuessedSystem:
 
 
 def read_recording(
-    path: str, sensors_table: str | None, inputs: Sequence[str] = ()
+    path: str,
+    sensors_table: str | None,
+    inputs: Sequence[str] = (),
+    part: RecordPart = WHOLE,
 ) -> tuple[GuessedSystem, list[Recording], TableLayout]:
     """Read a recording without a configuration.
 
@@ -100,6 +104,7 @@ def read_recording(
         path: of the recording.
         sensors_table: path of the table of sensors; None for an ODE.
         inputs: columns that are inputs, by their name in the file or in the configuration.
+        part: the samples that are used.
 
     Returns:
         The guessed system, the episodes, and names of the columns where those of the file are
@@ -110,6 +115,7 @@ def read_recording(
             equation.
     """
     table, layout = read_with_guessed_names(path, is_ode=sensors_table is None)
+    layout = replace(layout, part=part)
     time = find_time_column(table, layout.step)
     times = time.columns
     driving = {name: name for name in (_input(table, layout, name) for name in inputs)}
@@ -147,7 +153,7 @@ def _unit_of_dates(table: Table, time: TimeColumn, guessed: GuessedSystem) -> st
     """
     if not has_dates(table, time):
         return None
-    steps = np.diff(read_times(table, time, StatedUnits(guessed)))
+    steps = np.diff(read_times(table, time, StatedUnits(guessed)).values)
     step = float(np.nanmedian(np.abs(steps))) if len(steps) else 1.0
     return next(unit for unit, shortest in TIME_UNITS.items() if step >= shortest)
 

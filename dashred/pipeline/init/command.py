@@ -7,10 +7,16 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from dashred.core.argument_types import list_reader, read_path
+from dashred.core.argument_types import NUMBER, list_reader, read_path
 from dashred.core.arguments import Command, argument
 from dashred.core.errors import DONE, InputError
+from dashred.core.stated.record_part import parse_part
 from dashred.data.io.tables.table_dialect import TABLES
+
+
+def _read_time(text: str) -> float | str:
+    """Read a number; another text is a date."""
+    return float(text) if NUMBER.match(text) else text
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +41,16 @@ class Arguments:
         "NAME,...",
         "columns that drive the system, such as a voltage or the weather: inputs, not fields",
         default=None,
+    )
+    begin: float | str | None = argument(
+        _read_time,
+        "TIME",
+        "first time of the part that is used, without a start-up for example: a number in the unit "
+        "of time of the recording, or a date as in the recording",
+        default=None,
+    )
+    end: float | str | None = argument(
+        _read_time, "TIME", "last time of the part that is used, like begin", default=None
     )
     output: Path | None = argument(
         read_path,
@@ -61,6 +77,7 @@ def main(argv: list[str]) -> int:
     words = COMMAND.read(argv)
     path, table = str(words.path), None if words.sensors is None else str(words.sensors)
     _check_table(words.path)
+    part = parse_part(words.begin, words.end, lambda key: key.rpartition(".")[2])
     output = words.output or read_path(f"{words.path.stem}.yaml")
     _check_output(output)
 
@@ -70,7 +87,7 @@ def main(argv: list[str]) -> int:
     from dashred.pipeline.init.document import document
     from dashred.pipeline.init.guess import guess_values, longest_episode
 
-    guessed, episodes, layout = read_recording(path, table, words.inputs or ())
+    guessed, episodes, layout = read_recording(path, table, words.inputs or (), part)
     text = document(
         guessed,
         longest_episode(episodes),

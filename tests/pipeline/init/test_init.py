@@ -240,3 +240,9 @@ def test_hundreds_of_columns_are_no_ode(tmp_path: Path) -> None:
 def test_names_that_yaml_reads_as_something_else_are_quoted(tmp_path: Path) -> None:
     config, _ = written(tmp_path, f"path={swing_csv(tmp_path, 'time,null,true')}")
     assert list(config.system.fields) == ["null", "true"]
+
+
+def test_a_part_of_the_recording_is_guessed_from_and_written(tmp_path: Path) -> None:
+    config, _ = written(tmp_path, f"path={swing_csv(tmp_path)}", "begin=2.5", "end=7")
+    assert (config.recording.begin, config.recording.end) == (2.5, 7)
+    assert config.system.start["angle"] == pytest.approx(-1, abs=0.02)

@@ -1,4 +1,4 @@
-"""What a configuration says about the table of a recording: names, columns left out, the step."""
+"""What a configuration says about the table of a recording: names, the step, the part."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from dashred.core.errors import InputError, nearest
+from dashred.core.stated.record_part import WHOLE, RecordPart
 from dashred.core.unit_conversion import is_known_unit
 from dashred.core.units import split_unit
 
@@ -25,6 +26,7 @@ class TableLayout:
         step: time from row to row, for a table without times.
         used: names of columns in the configuration and in the table of sensors. A header that is
             one of these is a name as it stands, ``T (degC)``, and not a name with its unit.
+        part: the samples that are used.
     """
 
     every_name: tuple[str, ...] | None = None
@@ -32,6 +34,7 @@ class TableLayout:
     ignored: Collection[str] = ()
     step: float | None = None
     used: Collection[str] = ()
+    part: RecordPart = WHOLE
 
     def rename(self, headers: Sequence[str], where: str) -> list[str]:
         """Return the headers with the names of the configuration in place of those in the file.
