@@ -64,8 +64,11 @@ class Recording:
 
     columns: Any
     """Names of the columns of a table: a list of all, `[time, T, u]`, for a table without a header;
-    or the header of some by the names that they have here, `{time: Zeit, T: Temperature 1}`. The
-    names `time` and `episode` have a meaning of their own."""
+    or the header of some by the names that they have here, `{time: Zeit, T: Temperature 1}`; in a
+    table without a header, the number of a column is its header. The names `time` and `episode`
+    have a meaning of their own. In a table with one row for each reading, `sensor` is the column
+    with the name of the sensor and `value` that with the reading; the other names may be those of
+    sensors, by the name in that column."""
 
     ignore: list[str]
     """Columns of a table that are not read. Without this list, a column that is neither a sensor

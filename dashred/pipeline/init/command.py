@@ -83,6 +83,7 @@ def main(argv: list[str]) -> int:
 
     from dashred.config.checks.placeholders import TO_DO
     from dashred.core.files.atomic import write_text_atomic
+    from dashred.core.stated.column_names import SENSOR
     from dashred.pipeline.init.columns import MANY_FIELDS, read_recording
     from dashred.pipeline.init.document import document
     from dashred.pipeline.init.guess import guess_values, longest_episode
@@ -106,6 +107,11 @@ def main(argv: list[str]) -> int:
         raise InputError(what, where=str(output), hint=hint) from None
     if guessed.left_out:
         print(f"left out: {', '.join(guessed.left_out)} (constant, or a count of the rows)")
+    if SENSOR in layout.headers:
+        print(f"one row for each reading: column {layout.headers[SENSOR]} names its sensor")
+    if guessed.texts:
+        print(f"left out: {', '.join(guessed.texts)} (text). If one names the sensor of each row:")
+        print("recording.columns={sensor: NAME, value: COLUMN}, see docs/own-system.md")
     left = text.count(f"# {TO_DO}:")
     print(f"{output}: fields {', '.join(guessed.fields)}; {left} to do")
     if not guessed.axes and len(guessed.fields) > MANY_FIELDS:

@@ -129,10 +129,12 @@ def read_recording_table(path: str, layout: TableLayout) -> Table:
     header, names, below = lines[0], layout.every_name, text.below_header
     units_row = [cell.strip() for cell in rows[1]] if below else []
     if names is None:
-        if not text.has_header:
+        if not text.has_header and not layout.headers:
             hint = f"give them: recording.columns=[{', '.join(example_names(len(rows[0])))}]"
             raise InputError("the columns have no names", where=f"{path}:{header}", hint=hint)
-        headers = layout.rename(rows[0], f"{path}:{header}")
+        numbers = [str(number + 1) for number in range(len(rows[0]))]
+        headers = rows[0] if text.has_header else numbers
+        headers = layout.rename(headers, f"{path}:{header}")
     else:
         headers = list(names)
     if text.has_header:

@@ -141,6 +141,16 @@ def episode_column(table: Columns, times: NDArray[np.float64], time: TimeColumn)
     return None
 
 
+def changing_label(table: Columns, rows: NDArray[np.intp]) -> str | None:
+    """Return the first column of a few texts that changes after each of some rows, if any."""
+    for column in table.columns if rows.size else ():
+        cells = table.texts(column)
+        is_label = 1 < len(set(cells)) <= len(cells) // 2 and not any(map(is_number, cells))
+        if is_label and all(cells[row] != cells[row + 1] for row in rows.tolist()):
+            return column
+    return None
+
+
 def read_times(table: Columns, column: TimeColumn, stated: StatedUnits) -> Times:
     """Return the times of all rows; dates count from the first row.
 

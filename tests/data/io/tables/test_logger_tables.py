@@ -131,7 +131,8 @@ def test_the_column_of_the_episodes_is_suggested(write: Write, ode) -> None:
     path = write("r.csv", "\n".join(["Subject,time,u", *rows, ""]))
     with pytest.raises(InputError, match="start again, where 'Subject' changes") as told:
         read_episodes(path, None, ode)
-    assert told.value.hint == "if these are several episodes: recording.columns={episode: Subject}"
+    assert "if these are several episodes: recording.columns={episode: Subject}" in str(told.value)
+    assert "recording.columns={sensor: Subject, value: COLUMN}" in str(told.value)
     found = read_episodes(path, None, ode, TableLayout(headers={"episode": "Subject"}))
     assert [episode.name for episode in found.episodes] == ["a", "b"]
 
@@ -143,7 +144,7 @@ def test_the_column_of_the_episodes_is_suggested(write: Write, ode) -> None:
         ([], "neither a list nor a mapping"),
         (["time", ""], "'' is not the name of a column"),
         (["time", "u", "u"], "contains 'u' twice"),
-        ({"time": 3}, "3 is not the name of a column"),
+        ({"time": 3.5}, "3.5 is not the name of a column"),
         ({"time": "t", "u": "t"}, "contains 't' twice"),
     ],
 )
