@@ -29,8 +29,9 @@ from dashred.data.io.sensor_units import convert_sensors
 from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.io.tables.columns import Columns
-from dashred.data.io.tables.csv_table import read_recording_table, read_table
+from dashred.data.io.tables.csv_table import read_table
 from dashred.data.io.tables.long_table import is_long, widened
+from dashred.data.io.tables.recording_table import read_recording_table
 from dashred.data.io.tables.table_layout import TableLayout
 from dashred.data.io.tables.time_column import (
     TimeColumn,

@@ -84,6 +84,7 @@ def main(argv: list[str]) -> int:
     from dashred.config.checks.placeholders import TO_DO
     from dashred.core.files.atomic import write_text_atomic
     from dashred.core.stated.column_names import SENSOR
+    from dashred.data.io.tables.recording_table import unclear_groups
     from dashred.pipeline.init.columns import MANY_FIELDS, read_recording
     from dashred.pipeline.init.document import document
     from dashred.pipeline.init.guess import guess_values, longest_episode
@@ -109,6 +110,8 @@ def main(argv: list[str]) -> int:
         print(f"left out: {', '.join(guessed.left_out)} (constant, or a count of the rows)")
     if SENSOR in layout.headers:
         print(f"one row for each reading: column {layout.headers[SENSOR]} names its sensor")
+    if groups := unclear_groups(path):
+        print(f"the groups of columns, {', '.join(groups)}, are read as episodes")
     if guessed.texts:
         print(f"left out: {', '.join(guessed.texts)} (text). If one names the sensor of each row:")
         print("recording.columns={sensor: NAME, value: COLUMN}, see docs/own-system.md")

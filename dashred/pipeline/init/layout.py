@@ -12,11 +12,11 @@ import numpy as np
 from dashred.config.schema.types import NAME
 from dashred.core.stated.column_names import SENSOR
 from dashred.data.io.tables.columns import Columns
-from dashred.data.io.tables.csv_table import (
-    Table,
+from dashred.data.io.tables.csv_table import Table, is_number
+from dashred.data.io.tables.recording_table import (
     count_unnamed,
-    is_number,
     read_recording_table,
+    unclear_groups,
 )
 from dashred.data.io.tables.table_layout import TableLayout, split_header
 from dashred.data.io.tables.time_column import (
@@ -60,8 +60,9 @@ def read_with_guessed_names(path: str, is_ode: bool) -> tuple[Table, TableLayout
             return table.renamed(own), TableLayout(headers={**numbers, **sensors})
         table = table.renamed({} if found is None else {"time": found})
         return table, TableLayout(table.columns, step=None if found else STEP)
-    table = read_recording_table(path, TableLayout())
-    headers: dict[str, str] = {}
+    groups = unclear_groups(path)
+    headers = {"episode": groups[0]} if groups else {}
+    table = read_recording_table(path, TableLayout(headers=headers))
     likely = None if named_times(table) else likely_times(table)
     if likely is None:
         time = find_time_column(table, STEP)

@@ -62,3 +62,15 @@ def test_a_state_of_the_system_is_no_sensor_and_said_so(
     assert found == {"columns": None, "fields": ["T1"]}
     said = capsys.readouterr().out
     assert "left out: heater (text). If one names the sensor of each row" in said
+
+
+@pytest.mark.parametrize(("label", "columns"), [("Run", None), ("Cup", {"episode": "Cup 1"})])
+def test_runs_side_by_side_are_episodes(
+    tmp_path: Path, label: str, columns: object, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [f"{t},{np.sin(t):.3f},{t},{np.cos(t):.3f}" for t in TIMES]
+    head = f"{label} 1,,{label} 2,\nTime (s),x,Time (s),x"
+    found = written(tmp_path, "\n".join([head, *rows, ""]))
+    assert found == {"columns": columns, "fields": ["x"]}
+    said = "the groups of columns, Cup 1, Cup 2, are read as episodes" in capsys.readouterr().out
+    assert said == (columns is not None)

@@ -10,7 +10,8 @@ import pytest
 from dashred.core.errors import InputError
 from dashred.core.stated.column_names import parse_columns
 from dashred.data.io.reader import read_episodes
-from dashred.data.io.tables.csv_table import Table, count_unnamed, read_recording_table
+from dashred.data.io.tables.csv_table import Table
+from dashred.data.io.tables.recording_table import count_unnamed, read_recording_table
 from dashred.data.io.tables.table_layout import TableLayout, split_header
 
 Write = Callable[[str, str], str]
