@@ -24,6 +24,7 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
 from dashred.data.splits import Split, hold_out_episode, split_recording
 from dashred.data.stated.fitted_delays import about_delays
+from dashred.data.stated.known_factor import noise_factors, with_even_noise
 from dashred.data.stated.known_readings import known_readings, with_known_at
 from dashred.data.stated.relative_noise import Array, relative_noise
 from dashred.inference.fit.law import SensorFault
@@ -249,7 +250,8 @@ class Problem:
         Args:
             recording: a part of the recording of this episode.
         """
-        return relative_noise(recording, known_readings(recording, self.sensed))
+        known = known_readings(recording, self.sensed)
+        return relative_noise(recording, known, noise_factors(recording, self.sensed))
 
     def fit_noise_std(self) -> Tensor:
         """Return the noise σ of the fit sensors before any fit, ``(sensor,)``.
@@ -328,7 +330,8 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     fitted = fitted_count(config, read)
     if fitted < len(splits):
         splits[-1] = hold_out_episode(sampled.episodes[-1].recording, splits[-1])
-    noise = _noise(raw[:fitted], splits[:fitted])
+    even = [with_even_noise(part, with_inputs(system, part.inputs)) for part in raw[:fitted]]
+    noise = _noise(even, splits[:fitted])
     if not states_time_step(system):
         longest_fit = max((split.fit for split in splits[:fitted]), key=lambda fit: len(fit.times))
         std = np.array([noise[name] for name in longest_fit.names])
