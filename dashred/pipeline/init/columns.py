@@ -166,7 +166,8 @@ def _unit_of_dates(table: Columns, time: TimeColumn, guessed: GuessedSystem) -> 
     if not has_dates(table, time):
         return None
     steps = np.diff(read_times(table, time, StatedUnits(guessed)).values)
-    step = float(np.nanmedian(np.abs(steps))) if len(steps) else 1.0
+    known = np.abs(steps[np.isfinite(steps)])
+    step = float(np.median(known)) if len(known) else 1.0
     return next(unit for unit, shortest in TIME_UNITS.items() if step >= shortest)
 
 

@@ -10,7 +10,7 @@ from collections.abc import Collection
 import numpy as np
 
 from dashred.config.schema.types import NAME
-from dashred.core.stated.column_names import SENSOR
+from dashred.core.stated.column_names import SENSOR, VALUE
 from dashred.data.io.tables.columns import Columns
 from dashred.data.io.tables.csv_table import Table, is_number
 from dashred.data.io.tables.recording_table import (
@@ -91,10 +91,11 @@ def _names_of_sensors(table: Table, column: str, is_ode: bool) -> dict[str, str]
     """Return names that can stand in an equation for the sensors of a long table."""
     labels = [*dict.fromkeys(table.texts(column))] if is_ode else []
     headers: dict[str, str] = {}
-    taken = {*RESERVED, *labels}
+    meant = (*RESERVED, SENSOR, VALUE)
+    taken = {*meant, *labels}
     for label in labels:
         plain = split_header(label)[0]
-        name = _usable(plain, taken)
+        name = _usable(f"{plain} 1" if plain in meant else plain, taken)
         if name != plain:
             headers[name] = label
             taken.add(name)

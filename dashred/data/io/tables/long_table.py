@@ -105,8 +105,8 @@ def widened(
         layout: with names for sensors, by their name in the file.
 
     Raises:
-        InputError: there are no times, a sensor has no name or two readings at one time, or an
-            input has two values at one time.
+        InputError: there are no times, a sensor has no name, that of another column, or two
+            readings at one time, or an input has two values at one time.
     """
     if not time.columns:
         hint = "name the column of the times: recording.columns={time: COLUMN}"
@@ -133,6 +133,10 @@ def widened(
     cells = {name: (name, firsts) for name in dict.fromkeys((*kept, *driving))}
     for header, sensor in zip(headers, plain, strict=True):
         rows = np.full(len(firsts), EMPTY)
+        if header in cells:
+            problem = f"the sensor {sensor!r} has the name of another column"
+            hint = f"give it a name of its own: recording.columns={{..., NAME: {sensor}}}"
+            raise InputError(problem, where=table.header_location(SENSOR), hint=hint)
         own = name_of == sensor
         _check_once(table, sensor, read[own], at[own])
         rows[at[own]] = read[own]

@@ -96,6 +96,8 @@ def test_faults_have_their_place_in_the_file(ode, write):
         with pytest.raises(InputError, match=says) as told:
             read_episodes(write("r.csv", "\n".join([*lines[:3], bad, ""])), None, ode, layout)
         assert "r.csv:4, column" in str(told.value)
+    with pytest.raises(InputError, match="'time' has the name of another column"):
+        read_episodes(write("r.csv", text(False).replace(",u,", ",time,")), None, ode, layout)
     system = replace(ode, inputs={"e": "power"})
     other = "\n".join([*lines[:-1], lines[-1].replace("17", "18"), ""])
     with pytest.raises(InputError, match="the input has another value at this time, '17'"):
