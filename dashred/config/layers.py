@@ -18,6 +18,7 @@ from dashred.config.schema.types import Where, child, describe_kind, kind_at, op
 from dashred.config.source import Source
 from dashred.core.errors import InputError
 from dashred.core.files.user_path import check_address, is_server, user_path
+from dashred.physics.system_schema import System
 
 PATHS = (
     "recording.path",
@@ -174,9 +175,22 @@ def _fill_derived_values(settings: Settings, where: Where) -> None:
     """Fill in defaults that depend on other keys."""
     system = settings.system
     settings.recording.reads = settings.recording.reads or list(system.fields)
+    _fill_lengths(system)
     length = system.spread.get("length")
     if isinstance(length, str) and "length" not in system.fields:
         system.spread["length"] = evaluate(length, "system.spread.length", where)
+
+
+def _fill_lengths(system: System) -> None:
+    """Write the length of each axis in place of ``x_length`` in the start."""
+    own = {*system.fields, *system.parameters, *system.tables, *system.let}
+    for axis, declared in system.axes.items():
+        name = f"{axis}_length"
+        if name in own:
+            continue
+        for field, start in system.start.items():
+            if isinstance(start, str):
+                system.start[field] = re.sub(rf"\b{name}\b", f"{declared.length!r}", start)
 
 
 def _coerce(value: Any, kind: Any, key: str, where: Where) -> Any:

@@ -68,6 +68,19 @@ def at_times(expr: Expr, values: Mapping[str, Value], count: int) -> NDArray[np.
     return np.ascontiguousarray(found.expand(count).numpy())
 
 
+def values_at_times(system: System, text: str, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a function of inputs and time at some times, ``(time,)``.
+
+    Args:
+        system: driven by its inputs.
+        text: the function.
+        times: in the unit of time of the system, ``(time,)``.
+    """
+    clock = system.coordinates_and_inputs(times, torch.device("cpu"))
+    expr = system.resolve(system.parse(text, text), text)
+    return at_times(expr, clock, len(times))
+
+
 def check_delay(name: str, delay: float, inputs: InputSignals, where: Callable[[str], str]) -> None:
     """Check that an input acts within the recording.
 

@@ -9,9 +9,11 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
+from dashred.data.fast_signals import is_fast, predicted_noise
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.data.stated.saturation import values_at_stop
+from dashred.physics.backends.input_signals import InputSignals
 
 # Third differences of white noise of variance σ² have variance (1 + 9 + 9 + 1) σ².
 THIRD_DIFFERENCE_STD = math.sqrt(20.0)
@@ -29,7 +31,9 @@ def noise_std(recording: Recording, *others: Recording) -> NDArray[np.float64]:
     It is the stated std, or ``σ = median |Δ³y| / (0.6745 √20)``. Third differences (divided
     differences where samples are uneven) remove any quadratic over four samples, and the median
     ignores the few outliers that a front or a spike leaves. If too few consecutive samples have
-    no gap between them, the differences are taken across gaps.
+    no gap between them, the differences are taken across gaps. Readings of a system with inputs
+    that change as fast as they are sampled are compared with their prediction
+    (:mod:`dashred.data.fast_signals`).
 
     With several episodes, the estimate is the rms over the episodes in which the sensor changes.
     A sensor that never changes (stuck) gets the median of the sensors that read the same
@@ -58,7 +62,7 @@ def _stated_or_estimated(recording: Recording) -> NDArray[np.float64]:
     """Return the stated or estimated std, ``(sensor,)``; 0 where nothing changes."""
     return np.array(
         [
-            _estimated(recording.times, _noisy(sensor, values))
+            _estimated(recording.times, _noisy(sensor, values), recording.inputs)
             if sensor.std is None
             else sensor.std
             for sensor, values in zip(recording.sensors, recording.values.T, strict=True)
@@ -72,7 +76,17 @@ def _noisy(sensor: Sensor, values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(values_at_stop(values), np.nan, values) if sensor.has_stops else values
 
 
-def _estimated(times: NDArray[np.float64], values: NDArray[np.float64]) -> float:
+def _estimated(
+    times: NDArray[np.float64], values: NDArray[np.float64], inputs: InputSignals
+) -> float:
+    found = _from_differences(times, values)
+    if inputs.values and is_fast(times, values):
+        # Several upper bounds: the smallest is the nearest.
+        found = min(found, predicted_noise(times, values, inputs))
+    return found
+
+
+def _from_differences(times: NDArray[np.float64], values: NDArray[np.float64]) -> float:
     rough = _roughness(times, values)
     if len(rough) < MIN_DIFFERENCES:
         # With two loggers in one table, every second cell is empty: take differences across gaps.

@@ -94,6 +94,8 @@ class Sensor:
             rms over the readings, once they are known.
         known: let with the part of its readings that inputs and time determine, and that has been
             subtracted from them; empty without one.
+        factor: let with the function of inputs and time by which its readings have been divided,
+            over its typical size; empty without one.
         is_calibrated: whether its gain or offset is fitted. Such a sensor is not held out.
         has_stops: whether it saturates (:mod:`dashred.data.stated.saturation`).
         widths: widths of the region along each axis, in the axis' unit; empty for a point.
@@ -106,6 +108,7 @@ class Sensor:
     std_share: float | None = None
     noise_law: NoiseLaw | None = None
     known: str = ""
+    factor: str = ""
     is_calibrated: bool = False
     has_stops: bool = False
     widths: tuple[float, ...] = ()

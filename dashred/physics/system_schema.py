@@ -201,9 +201,10 @@ class System:
     ``trust=MODULE.CLASS`` on the command line."""
 
     start: dict[str, Any] = field(default_factory=dict)
-    """Nominal initial state of every field: a number, or an expression in the coordinates.
-    Required, except with snapshots. ``q: {value: 1, spread: 0.1}`` is short for a value and its
-    ``spread``. The start is fitted in every episode by itself."""
+    """Nominal initial state of every field: a number, or an expression in the coordinates. In
+    it, ``x_length`` is the length of the axis x. Required, except with snapshots. ``q: {value:
+    1, spread: 0.1}`` is short for a value and its ``spread``. The start is fitted in every
+    episode by itself."""
 
     spin_up: Annotated[NonNegative, Unit("the system's time")] = 0.0
     """Time that the simulator runs before the start, so that it starts on its attractor."""

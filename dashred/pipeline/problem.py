@@ -14,6 +14,7 @@ from dashred.config.checks.checks import MAX_STEPS
 from dashred.core.budget import Budget, Deadline
 from dashred.core.errors import InputError
 from dashred.core.findings.cause_schema import FaultySensor
+from dashred.core.stated.record_part import parse_part
 from dashred.data.clocks.own_times import describe_times, has_uneven_times
 from dashred.data.clocks.resampling import native_step, resample_all
 from dashred.data.episodes import Episodes, name_episode_in_errors
@@ -23,6 +24,7 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
 from dashred.data.splits import Split, hold_out_episode, split_recording
 from dashred.data.stated.fitted_delays import about_delays
+from dashred.data.stated.known_factor import noise_factors, with_even_noise
 from dashred.data.stated.known_readings import known_readings, with_known_at
 from dashred.data.stated.relative_noise import Array, relative_noise
 from dashred.inference.fit.law import SensorFault
@@ -248,7 +250,8 @@ class Problem:
         Args:
             recording: a part of the recording of this episode.
         """
-        return relative_noise(recording, known_readings(recording, self.sensed))
+        known = known_readings(recording, self.sensed)
+        return relative_noise(recording, known, noise_factors(recording, self.sensed))
 
     def fit_noise_std(self) -> Tensor:
         """Return the noise σ of the fit sensors before any fit, ``(sensor,)``.
@@ -312,6 +315,9 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
         sampled, clock = resample_all(read, every)
     for clause in subtracted:
         clock = _with_clause(clock, clause)
+    chosen_part = parse_part(config.recording.begin, config.recording.end, config.where)
+    if not chosen_part.is_whole:
+        clock = _with_clause(clock, f"the part {chosen_part} of the recording")
     if read.left_out:
         clock = _with_clause(clock, f"without the columns {', '.join(read.left_out)}")
     splits = []
@@ -324,7 +330,8 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     fitted = fitted_count(config, read)
     if fitted < len(splits):
         splits[-1] = hold_out_episode(sampled.episodes[-1].recording, splits[-1])
-    noise = _noise(raw[:fitted], splits[:fitted])
+    even = [with_even_noise(part, with_inputs(system, part.inputs)) for part in raw[:fitted]]
+    noise = _noise(even, splits[:fitted])
     if not states_time_step(system):
         longest_fit = max((split.fit for split in splits[:fitted]), key=lambda fit: len(fit.times))
         std = np.array([noise[name] for name in longest_fit.names])

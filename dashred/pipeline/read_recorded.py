@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dashred.config import Config
 from dashred.core.stated.column_names import parse_columns
+from dashred.core.stated.record_part import parse_part
 from dashred.data.episodes import Episodes
 from dashred.data.io.reader import read_episodes
 from dashred.data.io.tables.table_layout import TableLayout
@@ -25,8 +26,9 @@ def layout_of_table(config: Config) -> TableLayout:
     """Return what the configuration says about the table of the recording.
 
     Raises:
-        InputError: ``recording.columns`` is invalid.
+        InputError: ``recording.columns``, ``begin`` or ``end`` is invalid.
     """
     recording = config.recording
     names, headers = parse_columns(recording.columns, config.where("recording.columns"))
-    return TableLayout(names, headers, recording.ignore, recording.every)
+    part = parse_part(recording.begin, recording.end, config.where)
+    return TableLayout(names, headers, recording.ignore, recording.every, part=part)

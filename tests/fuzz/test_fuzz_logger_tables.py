@@ -33,11 +33,11 @@ class Tank:
 
 NAMES = st.sampled_from(
     ["time", "Time (s)", "t", "T", "u", "T (degC)", "Heater 1 (%)", "x-axis", "Subject", "1", "",
-     "date", "rownames", "u [m", "Größe", "lambda", "(s)", '"u, v"', "episode"]
+     "date", "rownames", "sensor", "value", "u [m", "Größe", "lambda", "(s)", '"u, v"', "episode"]
 )  # fmt: skip
 LINES = st.sampled_from(
     ["A logger", '"TOA5","a","b"', "# comment", "", "second,volt,-", "s;V;V", "Run #1,Run #1,u",
-     "#t u T", '"', "\t\t", ",,", "0,1", "\0", "2024-05-01 12:00"]
+     "Run 1,,Run 2,", "#t u T", '"', "\t\t", ",,", "0,1", "\0", "2024-05-01 12:00"]
 )  # fmt: skip
 CELLS = st.sampled_from(
     ["", "1", "-2.5", "1,5", "nan", "inf", "a", "12:30:00", "2024-05-01", "1e400"]
@@ -46,7 +46,9 @@ CLOCKS = st.sampled_from(["{:.1f}", "2024-05-01 00:{:02.0f}", "{:.0f}:00:00", "{
 COLUMNS = st.one_of(
     st.none(),
     st.lists(NAMES, min_size=1, max_size=4),
-    st.dictionaries(st.sampled_from(["time", "u", "T", "episode", "q"]), NAMES, max_size=3),
+    st.dictionaries(
+        st.sampled_from(["time", "u", "T", "episode", "q", "sensor", "value"]), NAMES, max_size=3
+    ),
 )
 
 
@@ -76,10 +78,39 @@ FILES = st.builds(
 )
 
 
+def shaped(
+    labels: list[str], names: list[str], sensors: list[str], cells: list[str], count: int
+) -> str:
+    """Return runs side by side, or, without labels, one row for each reading."""
+    spread = [label for label in labels for _ in names]
+    width = len(names) * max(1, len(labels)) if labels else 3
+    header = names * len(labels) if labels else ["time", *names][:3]
+    rows = []
+    for i in range(count):
+        row = [cells[(i + k) % len(cells)] for k in range(width)]
+        if labels:
+            row[:: len(names)] = [str(i)] * len(labels)
+        else:
+            row[:2] = [str(i // len(sensors)), sensors[i % len(sensors)]]
+        rows.append(row)
+    lines = [spread, header, *rows] if labels else [header, *rows]
+    return "\n".join([*map(",".join, lines), ""])
+
+
+SHAPES = st.builds(
+    shaped,
+    st.lists(st.sampled_from(["Run 1", "Run 2", "Cup A", "u", ""]), max_size=3),
+    st.lists(NAMES, min_size=2, max_size=3),
+    st.lists(st.sampled_from(["u", "T", "T (degC)", "1:", "", "a b", "time"]), min_size=1),
+    st.lists(CELLS, min_size=1, max_size=7),
+    st.integers(0, 40),
+)
+
+
 @fuzzed(
     250,
     25_000,
-    text=FILES,
+    text=FILES | SHAPES,
     columns=COLUMNS,
     step=st.sampled_from([None, 0.5]),
     ignored=st.lists(NAMES, max_size=1),
@@ -103,7 +134,7 @@ def test_the_file_of_a_logger_is_refused_or_a_recording(
         assert "Traceback" not in str(error)
 
 
-@fuzzed(150, 10_000, text=FILES, inputs=st.lists(NAMES, max_size=1))
+@fuzzed(150, 10_000, text=FILES | SHAPES, inputs=st.lists(NAMES, max_size=1))
 def test_init_refuses_a_file_or_names_its_columns(text: str, inputs: list[str]) -> None:
     Path("a.csv").write_text(text, encoding="utf-8")
     try:

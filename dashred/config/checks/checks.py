@@ -20,6 +20,7 @@ from dashred.core.stated.average import parse_average
 from dashred.core.stated.calibration import parse_calibration
 from dashred.core.stated.column_names import parse_columns
 from dashred.core.stated.noise import parse_noise
+from dashred.core.stated.record_part import parse_part
 from dashred.physics.system_schema import System
 
 TWIN = re.compile(r"[A-Za-z0-9_-]+\Z")
@@ -133,6 +134,7 @@ def _check_recording(settings: Settings, where: Where) -> None:
     _check_sensors(recording, where)
     _check_noise(recording.std, where)
     parse_columns(recording.columns, where("recording.columns"))
+    parse_part(recording.begin, recording.end, where)
     parse_calibration(recording.calibration, where)
     parse_average(recording.average, where)
     for i, name in enumerate(recording.reads):

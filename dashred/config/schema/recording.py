@@ -52,10 +52,23 @@ class Recording:
     Null keeps the recording's own step, and the times of an ODE recording as they are. In a table
     without times it is the step from row to row."""
 
+    begin: Any
+    """First time of the part of the user's own recording that is used, to leave out a start-up: a
+    number in the system's time, or a date where the recording has dates. The clock remains that of
+    the recording, so t begins at this time. The same for all episodes, each on its own clock. Null
+    for the first sample."""
+
+    end: Any
+    """Last time of the part of the user's own recording that is used, like ``begin``. A date alone
+    is its midnight. Null for the last sample."""
+
     columns: Any
     """Names of the columns of a table: a list of all, `[time, T, u]`, for a table without a header;
-    or the header of some by the names that they have here, `{time: Zeit, T: Temperature 1}`. The
-    names `time` and `episode` have a meaning of their own."""
+    or the header of some by the names that they have here, `{time: Zeit, T: Temperature 1}`; in a
+    table without a header, the number of a column is its header. The names `time` and `episode`
+    have a meaning of their own. In a table with one row for each reading, `sensor` is the column
+    with the name of the sensor and `value` that with the reading; the other names may be those of
+    sensors, by the name in that column."""
 
     ignore: list[str]
     """Columns of a table that are not read. Without this list, a column that is neither a sensor

@@ -6,6 +6,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from dashred.core.errors import InputError
+from dashred.data.clocks.record_part import part_of
 from dashred.data.episodes import Episodes
 from dashred.data.io.read_csv import episodes_of_table
 from dashred.data.io.read_netcdf import episodes_of_dataset
@@ -36,7 +37,8 @@ def read_in_memory(
             with the columns of a CSV; ``time`` may be its index.
         sensors: the table of sensors of a DataFrame, or the path of one.
         system: that was recorded.
-        layout: what is known of a DataFrame; the names of its columns are its own.
+        layout: the part that is used, and what is known of a DataFrame; the names of its columns
+            are its own.
 
     Raises:
         InputError: it is of another type, or whatever fault the reader of a file would find.
@@ -45,7 +47,8 @@ def read_in_memory(
         if sensors is not None:
             problem = "a Dataset describes its sensors itself, but sensors= is given"
             raise InputError(problem, where=RECORDING, hint="leave sensors= out")
-        return episodes_of_dataset(recording, RECORDING, system)
+        whole = episodes_of_dataset(recording, RECORDING, system)
+        return part_of(whole, layout.part, RECORDING)
     if is_frame(recording):
         table = FrameTable.of(recording, RECORDING, "time")
         return episodes_of_table(table, table_of_sensors(sensors), system, layout)

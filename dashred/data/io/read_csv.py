@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError, nearest
+from dashred.core.stated.column_names import SENSOR, VALUE
 from dashred.data.checks import (
     check_covered,
     check_gaps,
@@ -15,6 +16,7 @@ from dashred.data.checks import (
     checked_recording,
     fewest_samples,
 )
+from dashred.data.clocks.record_part import part_of
 from dashred.data.episodes import Episode, EpisodeRows, Episodes, split_into_episodes
 from dashred.data.input_action import fill_gaps
 from dashred.data.io.sensor_columns import (
@@ -27,10 +29,13 @@ from dashred.data.io.sensor_units import convert_sensors
 from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.io.tables.columns import Columns
-from dashred.data.io.tables.csv_table import read_recording_table, read_table
+from dashred.data.io.tables.csv_table import read_table
+from dashred.data.io.tables.long_table import is_long, widened
+from dashred.data.io.tables.recording_table import read_recording_table
 from dashred.data.io.tables.table_layout import TableLayout
 from dashred.data.io.tables.time_column import (
     TimeColumn,
+    changing_label,
     episode_column,
     find_time_column,
     read_times,
@@ -101,8 +106,17 @@ def episodes_of_table(
     path, ignored = table.path, layout.ignored
     time = find_time_column(table, layout.step)
     stated = StatedUnits(system)
-    inputs = _inputs(table, system, stated)
     check_ignored(table, ignored)
+    named = [] if places is None or "name" not in places.columns else places.texts("name")
+    unread: list[str] = []
+    if is_long(table, (*observable_names(system), *named)):
+        long, table = table, widened(table, time, stated, layout)
+        unread = [name for name in long.columns if name not in (*table.columns, SENSOR, VALUE)]
+    clock, parts = read_times(table, time, stated), _episode_rows(table)
+    times = clock.values
+    if len(parts) == 1:
+        _check_one_run(table, times, time)
+    inputs = _inputs(table, system, stated)
     others = (*RESERVED, *time.columns, *system.inputs.values(), *ignored)
     columns = [column for column in table.columns if column not in others]
     if places is None:
@@ -111,6 +125,7 @@ def episodes_of_table(
     else:
         sensors = [*read_sensors(places, system, stated)]
     columns, left_out = split_columns(table, columns, [sensor.name for sensor in sensors])
+    left_out += [name for name in unread if name not in ignored]
     if places is not None:
         check_recorded(sensors, columns, table, places, system.inputs)
     by_name = {sensor.name: sensor for sensor in sensors}
@@ -119,9 +134,6 @@ def episodes_of_table(
     values = np.empty((len(table), len(sensors)))
     for index, (sensor, convert) in enumerate(zip(sensors, conversions, strict=True)):
         values[:, index] = convert(table.numbers(sensor.name))
-    times, parts = read_times(table, time, stated), _episode_rows(table)
-    if len(parts) == 1:
-        _check_one_run(table, times, time)
     fewest = fewest_samples([part.count for part in parts])
 
     def episode(stretch: EpisodeRows) -> Episode:
@@ -147,7 +159,8 @@ def episodes_of_table(
                 raise InputError(f"{problem}{fewest} are needed", where=stretch.location(path))
         return Episode(stretch.name, recording)
 
-    return Episodes(tuple(map(episode, parts)), tuple(left_out))
+    whole = Episodes(tuple(map(episode, parts)), tuple(left_out))
+    return part_of(whole, layout.part, path, clock.of_date)
 
 
 def _inputs(
@@ -216,15 +229,20 @@ def _episode_rows(table: Columns) -> list[EpisodeRows]:
 
 
 def _check_one_run(table: Columns, times: NDArray[np.float64], time: TimeColumn) -> None:
-    """Check that the times do not start again where another column changes.
+    """Check that the times do not start again, or repeat, where another column changes.
 
     Raises:
         InputError: they do.
     """
-    column = episode_column(table, times, time)
+    column, found = episode_column(table, times, time), np.flatnonzero(times[1:] < times[:-1])
+    says = "start again"
+    if column is None:
+        found, says = np.flatnonzero(times[1:] <= times[:-1]), "repeat or start again"
+        column = changing_label(table, found)
     if column is None:
         return
-    restart = int(np.flatnonzero(times[1:] < times[:-1])[0]) + 1
-    problem = f"the times start again, where {column!r} changes"
-    hint = f"if these are several episodes: recording.columns={{episode: {column}}}"
+    restart = int(found[0]) + 1
+    problem = f"the times {says}, where {column!r} changes"
+    hint = f"if these are several episodes: recording.columns={{episode: {column}}}; if it names "
+    hint += f"the sensor of each row: recording.columns={{sensor: {column}, value: COLUMN}}"
     raise InputError(problem, where=table.location(restart, time.last), hint=hint)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dashred.core.errors import InputError
+from dashred.data.clocks.record_part import part_of
 from dashred.data.episodes import Episodes
 from dashred.data.io.read_csv import read_csv
 from dashred.data.io.read_netcdf import read_netcdf
@@ -37,7 +38,7 @@ def read_episodes(
         path: of the recording.
         sensors_table: path of the table of sensors; None for NetCDF and for ODE systems.
         system: that the sensors observe.
-        layout: what is known of a table before it is read.
+        layout: what is known of a table before it is read; of a NetCDF, the part that is used.
 
     Raises:
         InputError: for any other extension, or an invalid file.
@@ -54,4 +55,4 @@ def read_episodes(
     if sensors_table is not None:
         problem = f"a NetCDF recording describes its sensors itself, but {sensors_table} is given"
         raise InputError(problem, where=path, hint="remove recording.sensors")
-    return read_netcdf(path, system)
+    return part_of(read_netcdf(path, system), layout.part, path)

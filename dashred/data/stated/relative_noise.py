@@ -22,7 +22,9 @@ def noise_at(law: NoiseLaw, level: Array) -> Array:
     return found
 
 
-def relative_noise(recording: Recording, known: Array | float = 0.0) -> Array | None:
+def relative_noise(
+    recording: Recording, known: Array | float = 0.0, factors: Array | None = None
+) -> Array | None:
     """Return ``σ(y)/σ`` of every reading, ``(time, sensor)``; None if σ is constant everywhere.
 
     σ(y) is the :class:`NoiseLaw` of the sensor at the level of the reading, and σ is its std. The
@@ -32,15 +34,17 @@ def relative_noise(recording: Recording, known: Array | float = 0.0) -> Array | 
     Args:
         recording: the readings.
         known: what was subtracted from them, ``(time, sensor)``.
+        factors: σ of readings that have been divided, ``(time, sensor)``; None for 1.
     """
     if all(sensor.noise_law is None for sensor in recording.sensors):
-        return None
+        return factors
     levels = neighbour_mean(recording.values + known)
     found = np.ones_like(levels)
     for column, sensor in enumerate(recording.sensors):
         if sensor.noise_law is not None and sensor.std:
             found[:, column] = noise_at(sensor.noise_law, levels[:, column]) / sensor.std
-    return np.where(np.isfinite(found), found, 1.0)
+    found = np.where(np.isfinite(found), found, 1.0)
+    return found if factors is None else found * factors
 
 
 def neighbour_mean(values: Array) -> Array:

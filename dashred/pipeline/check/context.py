@@ -16,6 +16,7 @@ from dashred.data.recording import Recording
 from dashred.data.sensor_layout import place_sensors
 from dashred.data.sensors import Sensor
 from dashred.data.splits import Split, split_recording
+from dashred.data.stated.known_factor import with_even_noise
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
 from dashred.pipeline.problem import (
@@ -95,8 +96,11 @@ def build_check_context(config: Config, recorded: Episodes | None = None) -> Che
         recorded = read_recorded(config, System(config.system, config.where))
     problem = build_problem(config, recorded)
     bare = System(config.system, config.where)
-    recorded = readings_of_state(config, bare, recorded).episodes
-    recordings = {episode.name: episode.recording for episode in recorded.episodes}
+    found = readings_of_state(config, bare, recorded)
+    recordings = {
+        name: with_even_noise(own, with_inputs(found.system, own.inputs))
+        for name, own in ((part.name, part.recording) for part in found.episodes.episodes)
+    }
     return CheckContext(
         config,
         problem.system,

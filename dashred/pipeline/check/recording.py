@@ -13,6 +13,7 @@ from dashred.core.errors import InputError
 from dashred.core.units import with_unit
 from dashred.data.clocks.resampling import MAX_GAP, native_step
 from dashred.data.clocks.time_scale import SAMPLES_PER_PERIOD, samples_per_change, suggested_step
+from dashred.data.fast_signals import is_fast
 from dashred.data.io.missing_sentinels import sentinel_counts
 from dashred.data.noise_level import noise_std
 from dashred.data.recording import Recording
@@ -166,7 +167,8 @@ def _estimated_noise(recording: Recording, every: int = 1) -> NDArray[np.float64
         known = np.flatnonzero(~np.isnan(values))[::every]
         unstated = (replace(sensor, std=None),)
         try:
-            alone = Recording(unstated, recording.times[known], values[known, None])
+            times = recording.times[known]
+            alone = Recording(unstated, times, values[known, None], recording.inputs)
             sigmas.append(float(noise_std(alone)[0]))
         except InputError:
             sigmas.append(math.nan)
@@ -178,21 +180,25 @@ def _noise_remarks(recording: Recording, estimated: NDArray[np.float64]) -> Iter
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = estimated / varies
     known = shares[np.isfinite(shares)]
+    names = recording.names
+    traces = zip(names, recording.values.T, strict=True)
+    fast = [name for name, values in traces if is_fast(recording.times, values)]
     if known.size and known.max() < NO_NOISE:
         yield Remark("The readings show no noise")
     elif known.size:
         sizes = dict.fromkeys(f"{100 * float(x):.2g}" for x in (known.min(), known.max()))
-        yield Remark(
-            f"The noise is about {' to '.join(sizes)} % of the standard deviation of the readings"
-        )
-    names = recording.names
+        size = f"{' to '.join(sizes)} % of the standard deviation of the readings"
+        bound = f": {shortened(fast)} may change as fast as sampled" if fast else ""
+        yield Remark(f"The noise is {'at most' if fast else 'about'} {size}{bound}")
     noisy = [n for n, share in zip(names, shares, strict=True) if share > NOISY]
     if noisy:
         text = f"More than half of the variation is from sample to sample: {shortened(noisy)}"
         hint = "nothing is wrong if these sensors are quiet, or driven by something as fast; "
         yield warning(text, f"{hint}otherwise sample faster")
     for sensor, sigma in zip(recording.sensors, estimated, strict=True):
-        if sensor.std is not None and sigma > MAX_NOISE_RATIO * sensor.std:
+        if sensor.std is None or sensor.name in fast:
+            continue
+        if sigma > MAX_NOISE_RATIO * sensor.std:
             text = (
                 f"{sensor.name}: the stated std is {sensor.std:.3g}, but the readings change by "
                 f"{sigma:.3g} from sample to sample"
@@ -221,7 +227,8 @@ def _sampling_remarks(
     count = len(context.times) + sum(len(other.times) for other in context.others.values())
     if len(context.times) > MANY_SAMPLES:
         slow = f"{len(context.times)} samples make a run slow"
-        yield warning(slow, "set a longer step: recording.every=STEP")
+        hint = "set a longer step, recording.every=STEP, or take a part, recording.end=TIME"
+        yield warning(slow, hint)
     elif count < FEW_SAMPLES:
         yield warning(
             f"{count} samples are few for finding a law", "record longer or at a shorter step"

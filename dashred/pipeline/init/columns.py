@@ -11,15 +11,20 @@ from numpy.typing import NDArray
 
 from dashred.config.schema.types import NAME
 from dashred.core.errors import InputError, nearest
+from dashred.core.stated.column_names import SENSOR, VALUE
+from dashred.core.stated.record_part import WHOLE, RecordPart
 from dashred.core.units import TIME
 from dashred.data.io.reader import read_episodes
 from dashred.data.io.stated_units import StatedUnits
+from dashred.data.io.tables.columns import Columns
 from dashred.data.io.tables.csv_table import Table, is_number, read_table
+from dashred.data.io.tables.long_table import widened
 from dashred.data.io.tables.table_layout import TableLayout, split_header
 from dashred.data.io.tables.time_column import TimeColumn, find_time_column, has_dates, read_times
 from dashred.data.recording import Recording
 from dashred.data.sensors import RESERVED
 from dashred.pipeline.init.layout import has_numbers, is_usable, read_with_guessed_names
+from dashred.pipeline.init.long import may_name_sensors
 
 SENSOR_COLUMNS = ("name", "field", "std", "unit")
 # Grid points of an axis by the number of axes.
@@ -75,6 +80,7 @@ class GuessedSystem:
         held_inputs: columns of inputs that change in steps.
         left_out: columns of numbers that are no fields: a counter of the rows, a constant.
         units: a unit of time for dates.
+        texts: columns that are left out, but may name the sensor of each row.
     """
 
     axes: tuple[GuessedAxis, ...]
@@ -84,6 +90,7 @@ class GuessedSystem:
     held_inputs: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     units: dict[str, str] = field(default_factory=dict)
+    texts: tuple[str, ...] = ()
 
     @property
     def where(self) -> Callable[[str], str]:
@@ -92,7 +99,10 @@ class GuessedSystem:
 
 
 def read_recording(
-    path: str, sensors_table: str | None, inputs: Sequence[str] = ()
+    path: str,
+    sensors_table: str | None,
+    inputs: Sequence[str] = (),
+    part: RecordPart = WHOLE,
 ) -> tuple[GuessedSystem, list[Recording], TableLayout]:
     """Read a recording without a configuration.
 
@@ -100,6 +110,7 @@ def read_recording(
         path: of the recording.
         sensors_table: path of the table of sensors; None for an ODE.
         inputs: columns that are inputs, by their name in the file or in the configuration.
+        part: the samples that are used.
 
     Returns:
         The guessed system, the episodes, and names of the columns where those of the file are
@@ -109,8 +120,13 @@ def read_recording(
         InputError: the recording or the sensor table is invalid, or a name cannot be used in an
             equation.
     """
-    table, layout = read_with_guessed_names(path, is_ode=sensors_table is None)
-    time = find_time_column(table, layout.step)
+    own, layout = read_with_guessed_names(path, is_ode=sensors_table is None)
+    layout = replace(layout, part=part)
+    time = find_time_column(own, layout.step)
+    table: Columns = own
+    if {SENSOR, VALUE} <= set(layout.headers):
+        driven = GuessedSystem((), (), inputs={name: name for name in inputs})
+        table = widened(own, time, StatedUnits(driven), layout)
     times = time.columns
     driving = {name: name for name in (_input(table, layout, name) for name in inputs)}
     _check_names([*driving], "input", path)
@@ -124,13 +140,15 @@ def read_recording(
         guessed = replace(guessed, units={TIME: unit})
     texts = [column for column in table.columns if not has_numbers(table, column)]
     ignored = [column for column in texts if column not in (*RESERVED, *times)]
+    unclear = tuple(column for column in ignored if may_name_sensors(table, column))
+    guessed = replace(guessed, texts=unclear)
     # The recording is read again below. Free the first copy, because it may be large.
-    del table
+    del own, table
     read = read_episodes(path, sensors_table, guessed, replace(layout, ignored=ignored))
     return guessed, [episode.recording for episode in read.episodes], layout
 
 
-def _input(table: Table, layout: TableLayout, name: str) -> str:
+def _input(table: Columns, layout: TableLayout, name: str) -> str:
     """Return the name of the column of an input."""
     renamed = {header: own for own, header in layout.headers.items()}
     for candidate in (name, renamed.get(name), renamed.get(split_header(name)[0])):
@@ -140,15 +158,16 @@ def _input(table: Table, layout: TableLayout, name: str) -> str:
     raise InputError(f"the recording has no column {name!r}", where="inputs", hint=hint)
 
 
-def _unit_of_dates(table: Table, time: TimeColumn, guessed: GuessedSystem) -> str | None:
+def _unit_of_dates(table: Columns, time: TimeColumn, guessed: GuessedSystem) -> str | None:
     """Return a unit of time in which samples are some hundredths to tens apart; None for numbers.
 
     Dates without a unit would be in seconds.
     """
     if not has_dates(table, time):
         return None
-    steps = np.diff(read_times(table, time, StatedUnits(guessed)))
-    step = float(np.nanmedian(np.abs(steps))) if len(steps) else 1.0
+    steps = np.diff(read_times(table, time, StatedUnits(guessed)).values)
+    known = np.abs(steps[np.isfinite(steps)])
+    step = float(np.median(known)) if len(known) else 1.0
     return next(unit for unit, shortest in TIME_UNITS.items() if step >= shortest)
 
 
@@ -164,7 +183,7 @@ def _counts_rows(values: NDArray[np.float64]) -> bool:
     return bool((np.diff(values) == 1).all()) and values[0] in (0, 1)
 
 
-def _system_from_columns(table: Table, others: Sequence[str]) -> GuessedSystem:
+def _system_from_columns(table: Columns, others: Sequence[str]) -> GuessedSystem:
     """Return an ODE system of all columns of numbers besides some ``others``."""
     columns = [column for column in table.columns if column not in (*RESERVED, *others)]
     numbers = [column for column in columns if has_numbers(table, column)]
@@ -177,12 +196,12 @@ def _system_from_columns(table: Table, others: Sequence[str]) -> GuessedSystem:
     if len(fields) > MAX_FIELDS:
         what = f"{len(fields)} columns besides time are too many for the fields of an ODE"
         hint = "if they are sensors of a field in space, give their positions: sensors=TABLE.csv"
-        raise InputError(what, where=f"{table.path}:{table.header}", hint=f"{hint} (see --help)")
-    _check_names(fields, "column", f"{table.path}:{table.header}")
+        raise InputError(what, where=table.header_location(fields[0]), hint=f"{hint} (see --help)")
+    _check_names(fields, "column", table.path)
     return GuessedSystem((), fields, left_out=left_out)
 
 
-def _is_no_field(table: Table, column: str) -> bool:
+def _is_no_field(table: Columns, column: str) -> bool:
     """Return whether a column counts the rows, or is constant in each episode."""
     values = table.numbers(column)
     if _counts_rows(values):

@@ -7,10 +7,16 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from dashred.core.argument_types import list_reader, read_path
+from dashred.core.argument_types import NUMBER, list_reader, read_path
 from dashred.core.arguments import Command, argument
 from dashred.core.errors import DONE, InputError
+from dashred.core.stated.record_part import parse_part
 from dashred.data.io.tables.table_dialect import TABLES
+
+
+def _read_time(text: str) -> float | str:
+    """Read a number; another text is a date."""
+    return float(text) if NUMBER.match(text) else text
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,6 +41,16 @@ class Arguments:
         "NAME,...",
         "columns that drive the system, such as a voltage or the weather: inputs, not fields",
         default=None,
+    )
+    begin: float | str | None = argument(
+        _read_time,
+        "TIME",
+        "first time of the part that is used, without a start-up for example: a number in the unit "
+        "of time of the recording, or a date as in the recording",
+        default=None,
+    )
+    end: float | str | None = argument(
+        _read_time, "TIME", "last time of the part that is used, like begin", default=None
     )
     output: Path | None = argument(
         read_path,
@@ -61,16 +77,19 @@ def main(argv: list[str]) -> int:
     words = COMMAND.read(argv)
     path, table = str(words.path), None if words.sensors is None else str(words.sensors)
     _check_table(words.path)
+    part = parse_part(words.begin, words.end, lambda key: key.rpartition(".")[2])
     output = words.output or read_path(f"{words.path.stem}.yaml")
     _check_output(output)
 
     from dashred.config.checks.placeholders import TO_DO
     from dashred.core.files.atomic import write_text_atomic
+    from dashred.core.stated.column_names import SENSOR
+    from dashred.data.io.tables.recording_table import unclear_groups
     from dashred.pipeline.init.columns import MANY_FIELDS, read_recording
     from dashred.pipeline.init.document import document
     from dashred.pipeline.init.guess import guess_values, longest_episode
 
-    guessed, episodes, layout = read_recording(path, table, words.inputs or ())
+    guessed, episodes, layout = read_recording(path, table, words.inputs or (), part)
     text = document(
         guessed,
         longest_episode(episodes),
@@ -89,6 +108,13 @@ def main(argv: list[str]) -> int:
         raise InputError(what, where=str(output), hint=hint) from None
     if guessed.left_out:
         print(f"left out: {', '.join(guessed.left_out)} (constant, or a count of the rows)")
+    if SENSOR in layout.headers:
+        print(f"one row for each reading: column {layout.headers[SENSOR]} names its sensor")
+    if groups := unclear_groups(path):
+        print(f"the groups of columns, {', '.join(groups)}, are read as episodes")
+    if guessed.texts:
+        print(f"left out: {', '.join(guessed.texts)} (text). If one names the sensor of each row:")
+        print("recording.columns={sensor: NAME, value: COLUMN}, see docs/own-system.md")
     left = text.count(f"# {TO_DO}:")
     print(f"{output}: fields {', '.join(guessed.fields)}; {left} to do")
     if not guessed.axes and len(guessed.fields) > MANY_FIELDS:

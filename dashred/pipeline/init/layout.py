@@ -10,13 +10,15 @@ from collections.abc import Collection
 import numpy as np
 
 from dashred.config.schema.types import NAME
-from dashred.data.io.tables.csv_table import (
-    Table,
+from dashred.core.stated.column_names import SENSOR, VALUE
+from dashred.data.io.tables.columns import Columns
+from dashred.data.io.tables.csv_table import Table, is_number
+from dashred.data.io.tables.recording_table import (
     count_unnamed,
-    is_number,
     read_recording_table,
+    unclear_groups,
 )
-from dashred.data.io.tables.table_layout import TableLayout
+from dashred.data.io.tables.table_layout import TableLayout, split_header
 from dashred.data.io.tables.time_column import (
     TimeColumn,
     episode_column,
@@ -26,6 +28,7 @@ from dashred.data.io.tables.time_column import (
 )
 from dashred.data.sensors import RESERVED
 from dashred.physics.expressions.parser import RESERVED as LANGUAGE
+from dashred.pipeline.init.long import long_columns
 
 # Time from row to row of a table without times, until the user gives it.
 STEP = 1.0
@@ -49,16 +52,27 @@ def read_with_guessed_names(path: str, is_ode: bool) -> tuple[Table, TableLayout
         names = tuple(f"u{i}" for i in range(count))
         table = read_recording_table(path, TableLayout(names))
         found = likely_times(table)
+        time = TimeColumn(() if found is None else (found,))
+        if (long := long_columns(table, time)) is not None:
+            own = {"time": time.last, **long}
+            numbers = {name: str(names.index(column) + 1) for name, column in own.items()}
+            sensors = _names_of_sensors(table, long[SENSOR], is_ode)
+            return table.renamed(own), TableLayout(headers={**numbers, **sensors})
         table = table.renamed({} if found is None else {"time": found})
         return table, TableLayout(table.columns, step=None if found else STEP)
-    table = read_recording_table(path, TableLayout())
-    headers: dict[str, str] = {}
+    groups = unclear_groups(path)
+    headers = {"episode": groups[0]} if groups else {}
+    table = read_recording_table(path, TableLayout(headers=headers))
     likely = None if named_times(table) else likely_times(table)
     if likely is None:
         time = find_time_column(table, STEP)
     else:
         headers["time"], time = likely, TimeColumn((likely,))
     times = time.columns
+    if (long := long_columns(table, time)) is not None:
+        headers |= long
+        sensors = _names_of_sensors(table, long[SENSOR], is_ode)
+        return table.renamed(headers), TableLayout(headers={**headers, **sensors})
     if "episode" not in table.columns and (runs := _runs(table, time)) is not None:
         headers["episode"], times = runs, (*times, runs)
     if is_ode:
@@ -73,6 +87,21 @@ def read_with_guessed_names(path: str, is_ode: bool) -> tuple[Table, TableLayout
     return table.renamed(headers), layout
 
 
+def _names_of_sensors(table: Table, column: str, is_ode: bool) -> dict[str, str]:
+    """Return names that can stand in an equation for the sensors of a long table."""
+    labels = [*dict.fromkeys(table.texts(column))] if is_ode else []
+    headers: dict[str, str] = {}
+    meant = (*RESERVED, SENSOR, VALUE)
+    taken = {*meant, *labels}
+    for label in labels:
+        plain = split_header(label)[0]
+        name = _usable(f"{plain} 1" if plain in meant else plain, taken)
+        if name != plain:
+            headers[name] = label
+            taken.add(name)
+    return headers
+
+
 def _runs(table: Table, time: TimeColumn) -> str | None:
     """Return the column that tells several runs apart, if their times are numbers."""
     cells = table.texts(time.last) if time.columns else []
@@ -81,7 +110,7 @@ def _runs(table: Table, time: TimeColumn) -> str | None:
     return episode_column(table, np.array([float(cell) for cell in cells]), time)
 
 
-def has_numbers(table: Table, column: str) -> bool:
+def has_numbers(table: Columns, column: str) -> bool:
     """Return whether the first value of a column is a number, and not a remark for example."""
     first = next((cell for cell in table.texts(column) if cell), None)
     return first is not None and is_number(first)

@@ -20,8 +20,8 @@ def start_expression(
 ) -> str:
     """Return an expression in the coordinates: the mean and two waves along each axis.
 
-    The coefficients are a least-squares fit with a small penalty on the waves. Without axes the
-    expression is the mean.
+    The name ``x_length`` is the length of the axis x. The coefficients are a least-squares fit with
+    a small penalty on the waves. Without axes the expression is the mean.
 
     Args:
         axes: periodic axes.
@@ -31,7 +31,8 @@ def start_expression(
     waves: list[tuple[str, NDArray[np.float64], float]] = []
     for axis, along in zip(axes, places.T, strict=True):
         for number in range(1, WAVES + 1):
-            turns = f"{2 * number}*pi*{axis.name}/{axis.length:g}"
+            # The user will correct the guessed length.
+            turns = f"{2 * number}*pi*{axis.name}/{axis.name}_length"
             phase = 2 * np.pi * number * along / axis.length
             waves.append((f"cos({turns})", np.cos(phase), PENALTY * number))
             waves.append((f"sin({turns})", np.sin(phase), PENALTY * number))

@@ -107,7 +107,9 @@ def test_sensors_of_the_state_are_left_as_they_are(cell: MakeCell) -> None:
 @pytest.mark.parametrize(
     ("let", "says"),
     [
-        ("ocv - I*v", "depends on 'I'"),
+        ("q - I*v", "depends on 'I'"),
+        ("sin(I*v)", "depends on 'I'"),
+        ("v/(1 + I*q)", "depends on 'I'"),
         ("exp(v - t)", "depends on 't'"),
         ("ocv - R*I", "does not depend on a field"),
     ],

@@ -240,3 +240,19 @@ def test_hundreds_of_columns_are_no_ode(tmp_path: Path) -> None:
 def test_names_that_yaml_reads_as_something_else_are_quoted(tmp_path: Path) -> None:
     config, _ = written(tmp_path, f"path={swing_csv(tmp_path, 'time,null,true')}")
     assert list(config.system.fields) == ["null", "true"]
+
+
+def test_a_part_of_the_recording_is_guessed_from_and_written(tmp_path: Path) -> None:
+    config, _ = written(tmp_path, f"path={swing_csv(tmp_path)}", "begin=2.5", "end=7")
+    assert (config.recording.begin, config.recording.end) == (2.5, 7)
+    assert config.system.start["angle"] == pytest.approx(-1, abs=0.02)
+
+
+def test_the_waves_of_the_start_follow_the_length_of_the_axis(tmp_path: Path) -> None:
+    path, table = bar_csv(tmp_path)
+    _, text = written(tmp_path, f"path={path}", f"sensors={table}")
+    assert "cos(2*pi*x/x_length)" in text
+    words = [f"conf={tmp_path / 'mine.yaml'}", "system.axes.x.length=12"]
+    start = load_config(words, entry="train").system.start["T"]
+    assert "cos(2*pi*x/12.0)" in start
+    assert "x_length" not in start

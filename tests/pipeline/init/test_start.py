@@ -10,7 +10,7 @@ from dashred.pipeline.init.start import start_expression
 
 
 def value_of(expression: str, **coordinates: float) -> float:
-    names = {"pi": np.pi, "cos": np.cos, "sin": np.sin}
+    names = {"pi": np.pi, "cos": np.cos, "sin": np.sin, "x_length": 1.0, "y_length": 1.0}
     return float(eval(expression, {"__builtins__": {}}, names | coordinates))
 
 
@@ -22,8 +22,8 @@ def test_a_wave_that_many_sensors_read_is_drawn() -> None:
     x = np.linspace(0.2, 9.8, 40)
     axis = GuessedAxis("x", 10.0, 64)
     found = start_expression((axis,), x[:, None], 2 + np.cos(2 * np.pi * x / 10))
-    assert value_of(found, x=0.0) == pytest.approx(3, abs=0.02)
-    assert value_of(found, x=5.0) == pytest.approx(1, abs=0.02)
+    assert value_of(found, x=0.0, x_length=10.0) == pytest.approx(3, abs=0.02)
+    assert value_of(found, x=5.0, x_length=10.0) == pytest.approx(1, abs=0.02)
 
 
 def test_a_few_sensors_draw_no_wilder_a_field_than_they_read() -> None:

@@ -16,22 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
-from dashred.core.unit_conversion import is_known_unit
 from dashred.data.io.tables.table_dialect import (
     COMMA,
     DATE,
     TableText,
     find_header,
-    find_recording,
     write_decimals_with_a_point,
 )
-from dashred.data.io.tables.table_header import example_names, read_header
-from dashred.data.io.tables.table_layout import TableLayout
+from dashred.data.io.tables.table_header import read_header
 
 # A table takes about thirteen times its size in memory, because every cell is a separate string.
 MAX_BYTES = 2**28
-# Rows that show how many columns a table has.
-HEAD_ROWS = 100
 SECONDS_AS_NUMBERS = "write times as numbers, for example seconds since the start: 0.25"
 
 
@@ -110,55 +105,13 @@ def read_table(path: str) -> Table:
         InputError: the file is missing, empty, not UTF-8 or badly quoted; a column has no name, a
             repeated name or an empty unit; or a row has too few or too many cells.
     """
-    text, rows, lines = _read_cells(path, find_header)
+    text, rows, lines = read_cells(path, find_header)
     header = lines.pop(0)
     columns, units = read_header(rows.pop(0), f"{path}:{header}")
-    return _table(path, columns, units, text, rows, lines, header)
+    return table_of(path, columns, units, text, rows, lines, header)
 
 
-def read_recording_table(path: str, layout: TableLayout) -> Table:
-    """Read the table of a recording as a logger writes it.
-
-    Beyond what :func:`read_table` reads, other lines may precede the header, a line with units may
-    follow it, a separator may end each line, and the configuration may name the columns.
-
-    Raises:
-        InputError: as :func:`read_table`, or there are no names.
-    """
-    text, rows, lines = _read_cells(path, find_recording)
-    header, names, below = lines[0], layout.every_name, text.below_header
-    units_row = [cell.strip() for cell in rows[1]] if below else []
-    if names is None:
-        if not text.has_header:
-            hint = f"give them: recording.columns=[{', '.join(example_names(len(rows[0])))}]"
-            raise InputError("the columns have no names", where=f"{path}:{header}", hint=hint)
-        headers = layout.rename(rows[0], f"{path}:{header}")
-    else:
-        headers = list(names)
-    if text.has_header:
-        # In place: copying the list of a long table would double its memory.
-        del rows[: 1 + below], lines[: 1 + below]
-    _drop_empty_end(headers, rows)
-    columns, units = read_header(headers, f"{path}:{header}", layout.used)
-    for column, unit in zip(columns, units_row, strict=False):
-        if is_known_unit(unit):
-            units.setdefault(column, unit)
-    return _table(path, columns, units, text, rows, lines, header)
-
-
-def count_unnamed(path: str) -> int:
-    """Return the number of columns of a recording without a header; 0 if it has one.
-
-    Raises:
-        InputError: as :func:`read_table`.
-    """
-    text, rows, _ = _read_cells(path, find_recording, HEAD_ROWS)
-    if text.has_header:
-        return 0
-    return len(rows[0]) - all(not row[-1].strip() for row in rows)
-
-
-def _read_cells(
+def read_cells(
     path: str, find: Callable[[TextIO], TableText], most: int | None = None
 ) -> tuple[TableText, list[list[str]], array[int]]:
     """Return the cells of a file, and the line on which each row ends; blank lines are left out.
@@ -188,7 +141,7 @@ def _read_cells(
     return text, rows, lines
 
 
-def _table(
+def table_of(
     path: str,
     columns: tuple[str, ...],
     units: dict[str, str],
@@ -197,22 +150,24 @@ def _table(
     lines: array[int],
     header: int,
 ) -> Table:
-    _check_rectangular(path, columns, rows, lines)
+    """Return a table of cells, with a point in its decimals.
+
+    Args:
+        path: of the file.
+        columns: names of the columns.
+        units: of the columns that state one.
+        text: how the table is written.
+        rows: cells, without those of the header.
+        lines: line of each row.
+        header: line of the header.
+
+    Raises:
+        InputError: a row has another number of cells, or points that may separate thousands.
+    """
+    check_rectangular(path, columns, rows, lines)
     if text.separator != COMMA:
         write_decimals_with_a_point(rows, lines, path)
     return Table(path, columns, rows, lines, units, header)
-
-
-def _drop_empty_end(headers: list[str], rows: list[list[str]]) -> None:
-    """Remove the cell after the last separator of each line, if all lines end with a separator."""
-    width = len(rows[0]) if rows else 0
-    if not rows or any(len(row) != width or row[-1].strip() for row in rows):
-        return
-    if len(headers) == width and not headers[-1]:
-        headers.pop()
-    if len(headers) == width - 1:
-        for row in rows:
-            row.pop()
 
 
 @contextlib.contextmanager
@@ -252,9 +207,14 @@ def _undecodable(path: str) -> int:
     return 1
 
 
-def _check_rectangular(
+def check_rectangular(
     path: str, columns: Sequence[str], rows: list[list[str]], lines: Sequence[int]
 ) -> None:
+    """Check that every row has a cell for each column.
+
+    Raises:
+        InputError: a row has not.
+    """
     for row, line in zip(rows, lines, strict=True):
         if len(row) != len(columns):
             named = "1 column" if len(columns) == 1 else f"{len(columns)} columns"

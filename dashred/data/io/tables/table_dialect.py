@@ -10,6 +10,7 @@ from itertools import chain, islice
 from typing import TextIO
 
 from dashred.core.errors import InputError
+from dashred.data.io.tables.grouped_columns import ColumnGroups, find_groups
 
 # Endings of files that are read as tables.
 TABLES = (".csv", ".tsv", ".txt", ".dat")
@@ -37,6 +38,7 @@ class TableText:
         skipped: number of lines before the first of ``lines``.
         below_header: number of lines between the header and the rows, such as one with units.
         has_header: whether the first line is the header.
+        groups: of columns, each with the times and the readings of one run; None for one group.
     """
 
     lines: Iterator[str]
@@ -44,6 +46,7 @@ class TableText:
     skipped: int
     below_header: int = 0
     has_header: bool = True
+    groups: ColumnGroups | None = None
 
 
 def find_header(file: Iterator[str]) -> TableText:
@@ -90,6 +93,11 @@ def find_recording(file: TextIO) -> TableText:
     top = first
     while top > begin and len(rows[top - 1]) == len(rows[first]):
         top -= 1
+    for i in range(top, first):
+        groups = find_groups(rows[i - 1] if i > top else [], rows[i])
+        if groups is not None:
+            below = _rows(head[i:], file, separator)
+            return TableText(below, separator, i, first - i - 1, groups=groups)
     header = next((i for i in range(top, first) if _names_all(rows[i])), None)
     # A line with numbers is a row, whatever its first cell.
     if header is None or any(_is_number(cell) for row in rows[header + 1 : first] for cell in row):

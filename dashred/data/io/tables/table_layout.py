@@ -1,4 +1,4 @@
-"""What a configuration says about the table of a recording: names, columns left out, the step."""
+"""What a configuration says about the table of a recording: names, the step, the part."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from dashred.core.errors import InputError, nearest
+from dashred.core.stated.column_names import LONG, SENSOR, VALUE
+from dashred.core.stated.record_part import WHOLE, RecordPart
 from dashred.core.unit_conversion import is_known_unit
 from dashred.core.units import split_unit
 
@@ -25,6 +27,7 @@ class TableLayout:
         step: time from row to row, for a table without times.
         used: names of columns in the configuration and in the table of sensors. A header that is
             one of these is a name as it stands, ``T (degC)``, and not a name with its unit.
+        part: the samples that are used.
     """
 
     every_name: tuple[str, ...] | None = None
@@ -32,27 +35,35 @@ class TableLayout:
     ignored: Collection[str] = ()
     step: float | None = None
     used: Collection[str] = ()
+    part: RecordPart = WHOLE
 
     def rename(self, headers: Sequence[str], where: str) -> list[str]:
         """Return the headers with the names of the configuration in place of those in the file.
 
-        The unit of a header remains: ``Time (s)`` becomes ``time [s]``.
+        The unit of a header remains: ``Time (s)`` becomes ``time [s]``. In a long table, a header
+        that the file does not have is the name of a sensor.
 
         Raises:
             InputError: the file does not have one of the headers.
         """
         renamed = [header.strip() for header in headers]
         plain = [split_header(header)[0] for header in renamed]
-        for name, header in self.headers.items():
+        is_long = {SENSOR, VALUE} <= set(self.headers)
+        for name in sorted(self.headers, key=lambda name: name not in LONG):
+            header = self.headers[name]
             if header in renamed:
                 place = renamed.index(header)
             elif header in plain:
                 place = plain.index(header)
+            elif is_long and name not in LONG:
+                continue
             else:
                 problem = f"recording.columns: the recording has no column {header!r}"
                 raise InputError(problem, where=where, hint=nearest(header, renamed))
             unit = split_header(headers[place])[1]
             renamed[place] = name if unit is None else f"{name} [{unit}]"
+            # The number of a column may be the name of a sensor, too.
+            plain[place] = name
         return renamed
 
 

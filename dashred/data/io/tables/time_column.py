@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -16,6 +15,7 @@ from dashred.data.checks import MIN_EPISODE_SAMPLES
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.io.tables.columns import Columns
 from dashred.data.io.tables.csv_table import is_number
+from dashred.data.io.tables.dates import CLOCK, is_date, read_dates, seconds_until
 from dashred.data.io.tables.table_layout import TIMES, split_header
 
 SECONDS = {
@@ -27,16 +27,8 @@ SECONDS = {
     **dict.fromkeys(("week", "weeks"), 7 * 86400.0),
     **dict.fromkeys(("yr", "year", "years"), 365.25 * 86400.0),
 }
-DAY = 86400.0
 # Cells that are looked at to guess which column has the times.
 FEW = 20
-CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?")
-ISO = re.compile(r"\d{4}([-/.])\d{1,2}\1\d{1,2}")
-LOCAL = re.compile(
-    r"\d{1,2}(?P<mark>[./-])\d{1,2}(?P=mark)(?P<year>\d{4}|\d{2})"
-    r"( \d{1,2}:\d{2}(?P<seconds>:\d{2}(?P<fraction>[.]\d+)?)?(?P<half> [AaPp][Mm])?)?"
-)
-WRITE = "write dates as 2024-05-17 12:30:00, or times as numbers, such as seconds since the start"
 
 
 @dataclass(frozen=True)
@@ -56,6 +48,19 @@ class TimeColumn:
     def last(self) -> str:
         """The column that error messages name."""
         return self.columns[-1] if self.columns else "time"
+
+
+@dataclass(frozen=True)
+class Times:
+    """The times of a recording.
+
+    Attributes:
+        values: of all rows, in the unit of time of the system, ``(row,)``.
+        of_date: returns the time of a date, NaN if it is none; None if the times are numbers.
+    """
+
+    values: NDArray[np.float64]
+    of_date: Callable[[str], float] | None = None
 
 
 def find_time_column(table: Columns, step: float | None = None) -> TimeColumn:
@@ -96,7 +101,7 @@ def find_time_column(table: Columns, step: float | None = None) -> TimeColumn:
 def has_dates(table: Columns, column: TimeColumn) -> bool:
     """Return whether the times are dates or times of day."""
     first = next((cell for cell in _joined(table, column) if cell), "") if column.columns else ""
-    return _is_date(first)
+    return is_date(first)
 
 
 def named_times(table: Columns) -> list[str]:
@@ -118,7 +123,7 @@ def likely_times(table: Columns) -> str | None:
         numbers = [float(cell) for cell in cells if is_number(cell)]
         if len(numbers) == len(cells) > 1 and all(a < b for a, b in pairwise(numbers)):
             return column
-        if cells and all(map(_is_date, cells[:FEW])):
+        if cells and all(map(is_date, cells[:FEW])):
             return column
     return None
 
@@ -136,12 +141,18 @@ def episode_column(table: Columns, times: NDArray[np.float64], time: TimeColumn)
     return None
 
 
-def _is_date(cell: str) -> bool:
-    return bool(CLOCK.fullmatch(cell) or ISO.match(cell) or LOCAL.fullmatch(cell))
+def changing_label(table: Columns, rows: NDArray[np.intp]) -> str | None:
+    """Return the first column of a few texts that changes after each of some rows, if any."""
+    for column in table.columns if rows.size else ():
+        cells = table.texts(column)
+        is_label = 1 < len(set(cells)) <= len(cells) // 2 and not any(map(is_number, cells))
+        if is_label and all(cells[row] != cells[row + 1] for row in rows.tolist()):
+            return column
+    return None
 
 
-def read_times(table: Columns, column: TimeColumn, stated: StatedUnits) -> NDArray[np.float64]:
-    """Return the times of all rows, ``(row,)``; dates count from the first row.
+def read_times(table: Columns, column: TimeColumn, stated: StatedUnits) -> Times:
+    """Return the times of all rows; dates count from the first row.
 
     The unit of dates is the unit of time of the system, or seconds if it states none.
 
@@ -150,21 +161,22 @@ def read_times(table: Columns, column: TimeColumn, stated: StatedUnits) -> NDArr
             is not known.
     """
     if not column.columns:
-        return column.step * np.arange(len(table), dtype=np.float64)
+        return Times(column.step * np.arange(len(table), dtype=np.float64))
     cells = _joined(table, column)
     first = next((cell for cell in cells if cell), "")
-    header = table.units.get(column.last)
-    if not _is_date(first):
-        convert = stated.state(TIME, header, table.header_location(column.last), "time")
-        return convert(table.numbers(column.last))
+    header, where = table.units.get(column.last), table.header_location(column.last)
+    if not is_date(first):
+        convert = stated.state(TIME, header, where, "time")
+        return Times(convert(table.numbers(column.last)))
     unit = stated.system.units.get(TIME, "s")
     if unit.strip().lower() not in SECONDS:
         problem = f"the recording has dates, but the unit of time is {unit!r}"
         hint = f"use one of {', '.join(SECONDS)}; or write times as numbers"
         raise InputError(problem, where=stated.system.where(f"system.units.{TIME}"), hint=hint)
-    seconds = _seconds(cells, first, table, column)
-    stated.state(TIME, unit, table.header_location(column.last), "time")
-    return seconds / SECONDS[unit.strip().lower()]
+    seconds, form = read_dates(cells, lambda row: table.location(row, column.last), where)
+    stated.state(TIME, unit, where, "time")
+    length = SECONDS[unit.strip().lower()]
+    return Times(seconds / length, lambda text: seconds_until(text, first, form) / length)
 
 
 def _joined(table: Columns, column: TimeColumn) -> list[str]:
@@ -175,83 +187,3 @@ def _joined(table: Columns, column: TimeColumn) -> list[str]:
 def _has_clock(table: Columns, column: str) -> bool:
     cells = table.texts(column)
     return bool(cells) and CLOCK.match(cells[0]) is not None
-
-
-def _seconds(
-    cells: Sequence[str], first: str, table: Columns, column: TimeColumn
-) -> NDArray[np.float64]:
-    """Return dates or times of day in seconds since the first one; NaN where a cell is empty."""
-    if CLOCK.fullmatch(first):
-        tried = [_since_midnight(cells)]
-    elif ISO.match(first):
-        tried = [_parsed([_with_hyphens(cell) for cell in cells], "ISO8601")]
-    else:
-        tried = [_parsed(cells, form) for form in _local_formats(first)]
-    empty = np.array([not cell for cell in cells])
-    whole = [found for found in tried if not np.isnan(found[~empty]).any()]
-    if not whole:
-        missing = np.isnan(tried[0]) & ~empty
-        row = int(missing.argmax())
-        problem = f"{cells[row]!r} is not a date like the first one, {first!r}"
-        raise InputError(problem, where=table.location(row, column.last), hint=WRITE)
-    forward = [found for found in whole if (np.diff(found[~empty]) > 0).all()] or whole
-    if any(not np.array_equal(found, forward[0], equal_nan=True) for found in forward[1:]):
-        problem = f"in dates such as {first!r}, is the day or the month first?"
-        raise InputError(problem, where=table.header_location(column.last), hint=WRITE)
-    return forward[0]
-
-
-def _parsed(cells: Sequence[str], form: str) -> NDArray[np.float64]:
-    """Return dates of a format in seconds since the first one; NaN where a cell is not one."""
-    import pandas as pd
-
-    found = pd.to_datetime(pd.Series(cells, dtype=object), format=form, utc=True, errors="coerce")
-    first = found.first_valid_index()
-    if first is None:
-        return np.full(len(cells), np.nan)
-    # Seconds since 1970 would lose all digits beyond the microsecond.
-    elapsed = (found - found[first]).dt.total_seconds()
-    return np.asarray(elapsed.to_numpy(dtype=np.float64))
-
-
-def _with_hyphens(cell: str) -> str:
-    """Write ``2024/5/17 12:30`` as ``2024-05-17 12:30``."""
-    date, mark, clock = cell.partition("T" if "T" in cell else " ")
-    date = "-".join(part.zfill(2) for part in re.split(r"[-/.]", date))
-    clock = clock.strip().replace(",", ".")
-    # An hour of one digit: 9:30.
-    return f"{date}{mark}{'0' if clock[1:2] == ':' else ''}{clock}"
-
-
-def _local_formats(first: str) -> list[str]:
-    """Return the formats of a local date; a date with points has the day first."""
-    match = LOCAL.fullmatch(first)
-    assert match
-    year = "%Y" if len(match["year"]) == 4 else "%y"
-    clock = ""
-    if ":" in first:
-        hour = "%I" if match["half"] else "%H"
-        clock = f" {hour}:%M" + (":%S" if match["seconds"] else "")
-        clock += ".%f" if match["fraction"] else ""
-        clock += " %p" if match["half"] else ""
-    mark = match["mark"]
-    orders = ("%d", "%m"), ("%m", "%d")
-    likely = orders[:1] if mark == "." else orders
-    return [mark.join((*order, year)) + clock for order in likely]
-
-
-def _since_midnight(cells: Sequence[str]) -> NDArray[np.float64]:
-    """Return times of day in seconds since the first one; NaN where a cell is not one.
-
-    A step back by more than half a day is midnight.
-    """
-    seconds = np.full(len(cells), np.nan)
-    days, previous = 0, -np.inf
-    for row, cell in enumerate(cells):
-        if not CLOCK.fullmatch(cell):
-            continue
-        hours, minutes, *rest = cell.replace(",", ".").split(":")
-        found = 3600 * int(hours) + 60 * int(minutes) + (float(rest[0]) if rest else 0.0)
-        days += previous - found > DAY / 2
-        seconds[row], previous = found + DAY * days, found
-    return seconds - seconds[np.isfinite(seconds)][0]

@@ -10,7 +10,8 @@ import pytest
 from dashred.core.errors import InputError
 from dashred.core.stated.column_names import parse_columns
 from dashred.data.io.reader import read_episodes
-from dashred.data.io.tables.csv_table import Table, count_unnamed, read_recording_table
+from dashred.data.io.tables.csv_table import Table
+from dashred.data.io.tables.recording_table import count_unnamed, read_recording_table
 from dashred.data.io.tables.table_layout import TableLayout, split_header
 
 Write = Callable[[str, str], str]
@@ -131,7 +132,8 @@ def test_the_column_of_the_episodes_is_suggested(write: Write, ode) -> None:
     path = write("r.csv", "\n".join(["Subject,time,u", *rows, ""]))
     with pytest.raises(InputError, match="start again, where 'Subject' changes") as told:
         read_episodes(path, None, ode)
-    assert told.value.hint == "if these are several episodes: recording.columns={episode: Subject}"
+    assert "if these are several episodes: recording.columns={episode: Subject}" in str(told.value)
+    assert "recording.columns={sensor: Subject, value: COLUMN}" in str(told.value)
     found = read_episodes(path, None, ode, TableLayout(headers={"episode": "Subject"}))
     assert [episode.name for episode in found.episodes] == ["a", "b"]
 
@@ -143,7 +145,7 @@ def test_the_column_of_the_episodes_is_suggested(write: Write, ode) -> None:
         ([], "neither a list nor a mapping"),
         (["time", ""], "'' is not the name of a column"),
         (["time", "u", "u"], "contains 'u' twice"),
-        ({"time": 3}, "3 is not the name of a column"),
+        ({"time": 3.5}, "3.5 is not the name of a column"),
         ({"time": "t", "u": "t"}, "contains 't' twice"),
     ],
 )

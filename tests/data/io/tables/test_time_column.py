@@ -24,7 +24,7 @@ QUARTERS = 900.0 * np.arange(24)
 
 def times(write: Write, system: Any, text: str) -> np.ndarray:
     table = read_table(write("r.csv", text))
-    return read_times(table, find_time_column(table), StatedUnits(system))
+    return read_times(table, find_time_column(table), StatedUnits(system)).values
 
 
 def column(name: str, cells: list[str]) -> str:

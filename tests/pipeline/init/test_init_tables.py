@@ -1,0 +1,76 @@
+"""Tables of other shapes: one row for each reading, and groups of columns for each run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dashred.config import load_config
+from dashred.pipeline.init import command
+
+TIMES = 0.5 * np.arange(16)
+
+
+def written(folder: Path, text: str, *words: str) -> dict[str, object]:
+    """Return the columns and the fields of the configuration of a table."""
+    path, output = folder / "r.csv", folder / "mine.yaml"
+    path.write_text(text)
+    assert command.main([f"path={path}", f"output={output}", *words]) == 0
+    config = load_config([f"conf={output}"], entry="train")
+    return {"columns": config.recording.columns, "fields": [*config.system.fields]}
+
+
+def readings(label: str, value: str, *, by_time: bool) -> str:
+    """Return a table of two sensors; ``e`` is the share of the reading that is its error."""
+    rows = [f"{t},{name},{np.sin(t + s)},0.{3 + s}" for s, name in enumerate("ab") for t in TIMES]
+    rows = sorted(rows, key=lambda row: float(row.split(",")[0])) if by_time else rows
+    return "\n".join([f"t,{label},{value},e", *rows, ""])
+
+
+@pytest.mark.parametrize(
+    ("label", "value", "by_time"),
+    [("channel", "value", True), ("channel", "value", False), ("what", "reading", False)],
+)
+def test_a_header_tells_that_rows_are_readings(
+    tmp_path: Path, label: str, value: str, by_time: bool
+) -> None:
+    found = written(tmp_path, readings(label, value, by_time=by_time))
+    assert found == {"columns": {"sensor": label, "value": value}, "fields": ["a", "b"]}
+
+
+def test_sensors_that_take_turns_are_recognised_without_a_header(tmp_path: Path) -> None:
+    rows = [f"{0.1 * i:.1f} {1 + i % 3}: {np.sin(0.1 * i):.3f}" for i in range(60)]
+    found = written(tmp_path, "\n".join([*rows, ""]))
+    own = {"time": "1", "sensor": "2", "value": "3"}
+    assert found["columns"] == {**own, "u_1": "1:", "u_2": "2:", "u_3": "3:"}
+    assert found["fields"] == ["u_1", "u_2", "u_3"]
+
+
+def test_a_column_that_tells_the_runs_apart_is_the_episode(tmp_path: Path) -> None:
+    rows = [f"{run},{t},{name},{t}" for run in (1, 2) for name in "ab" for t in TIMES]
+    found = written(tmp_path, "\n".join(["subject,time,sensor,value", *rows, ""]))
+    assert found["columns"] == {"episode": "subject", "sensor": "sensor", "value": "value"}
+
+
+def test_a_state_of_the_system_is_no_sensor_and_said_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [f"{t},{'on' if t < 4 else 'off'},{np.sin(t):.3f}" for t in TIMES]
+    found = written(tmp_path, "\n".join(["time,heater,T1", *rows, ""]))
+    assert found == {"columns": None, "fields": ["T1"]}
+    said = capsys.readouterr().out
+    assert "left out: heater (text). If one names the sensor of each row" in said
+
+
+@pytest.mark.parametrize(("label", "columns"), [("Run", None), ("Cup", {"episode": "Cup 1"})])
+def test_runs_side_by_side_are_episodes(
+    tmp_path: Path, label: str, columns: object, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [f"{t},{np.sin(t):.3f},{t},{np.cos(t):.3f}" for t in TIMES]
+    head = f"{label} 1,,{label} 2,\nTime (s),x,Time (s),x"
+    found = written(tmp_path, "\n".join([head, *rows, ""]))
+    assert found == {"columns": columns, "fields": ["x"]}
+    said = "the groups of columns, Cup 1, Cup 2, are read as episodes" in capsys.readouterr().out
+    assert said == (columns is not None)
