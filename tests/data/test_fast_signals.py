@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 
 from dashred.data.fast_signals import is_fast, predicted_noise
@@ -14,21 +15,22 @@ from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.physics.backends.input_signals import NO_INPUTS, InputSignals
 
+Array = NDArray[np.float64]
 RNG = np.random.default_rng(7)
-TIMES = 0.1 * np.arange(3000)
-DRIVE = np.convolve(RNG.standard_normal(3004), np.ones(5) / 5, "valid")
+TIMES: Array = 0.1 * np.arange(3000, dtype=np.float64)
+DRIVE: Array = np.convolve(RNG.standard_normal(3004), np.ones(5) / 5, "valid").astype(np.float64)
 
 
 def resonator(std: float, period: float = 9.0) -> Recording:
     """Return x of ``x'' = -ω² x - 0.1 ω x' + ω² u`` with u a random drive, of rms 1 and noise."""
     omega = 2 * np.pi / (0.1 * period)
     matrices = ([[0, 1], [-(omega**2), -0.1 * omega]], [[0], [omega**2]], [[1, 0]], [[0]])
-    a, b, c, _, _ = cont2discrete(tuple(map(np.array, matrices)), 0.1, "foh")
+    a, b, c, *_ = cont2discrete([np.array(each, float) for each in matrices], 0.1, "foh")
     poles = np.poly(np.linalg.eigvals(a))
     impulse = [float((c @ np.linalg.matrix_power(a, k) @ b).item()) for k in range(3)]
     zeros = [0.0, *np.convolve(poles, impulse)[:2]]
     x = lfilter(zeros, poles, DRIVE)
-    x = x / x.std() + std * RNG.standard_normal(len(x))
+    x = np.asarray(x / x.std() + std * RNG.standard_normal(len(x)), dtype=np.float64)
     return Recording((Sensor("x", "x"),), TIMES, x[:, None], InputSignals(TIMES, {"u": DRIVE}))
 
 
@@ -50,7 +52,7 @@ def test_missing_values_and_spikes_are_passed_over() -> None:
 
 
 def test_it_is_an_upper_bound() -> None:
-    noise = RNG.standard_normal(3000)
+    noise: Array = RNG.standard_normal(3000)
     assert predicted_noise(TIMES, noise, NO_INPUTS) == pytest.approx(1, rel=0.1)
     unpredicted = predicted_noise(TIMES, noise + 2 * np.sign(np.sin(37 * TIMES**1.5)), NO_INPUTS)
     assert unpredicted > 1
@@ -67,6 +69,6 @@ def test_it_is_an_upper_bound() -> None:
         "a constant": (np.ones(3000), False),
     }.values(),
 )
-def test_fast_signals_are_told_from_noise(values: np.ndarray, fast: bool) -> None:
+def test_fast_signals_are_told_from_noise(values: Array, fast: bool) -> None:
     assert is_fast(TIMES, values) == fast
     assert not is_fast(np.sort(RNG.uniform(0, 300, 3000)), values)

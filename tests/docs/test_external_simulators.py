@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dashred.config import load_config
-from dashred.physics.external.program import Program
+from dashred.physics.external.protocol import Program
 from dashred.physics.system import System
 from tests.conftest import CHECKOUT
 from tests.documents import snippets

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,6 +12,9 @@ from dashred.physics.external.protocol import Program
 
 # Smallest change in a difference, as a share of the largest value of any field.
 SMALLEST = 1e-12
+# A Jacobian is used again at states that differ by less than this share of the largest value of
+# each field. An error of a percent in a derivative is harmless.
+NEAR = 0.01
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,7 @@ class ProgramStep:
 
     program: Program
     parameters: Mapping[str, float]
+    _known: dict[int, tuple[Array, Array]] = field(default_factory=dict, repr=False)
 
     def advance(self, x: Array, t: Array, h: Array, inputs: Mapping[str, Array]) -> Array:
         """Return the states after a step, ``(segment, field)``.
@@ -38,23 +42,40 @@ class ProgramStep:
         return self.program.step(x, t, h, inputs, self.parameters)
 
     def linearise(
-        self, x: Array, t: Array, h: Array, inputs: Mapping[str, Array]
+        self, step: int, x: Array, t: Array, h: Array, inputs: Mapping[str, Array]
     ) -> tuple[Array, Array]:
         """Return the states after a step, and their Jacobian ``(segment, field, field)``.
 
-        It comes from one-sided differences; all segments and fields are one batch.
+        It comes from one-sided differences; all segments and fields are one batch. Where a state is
+        near that of an earlier call, the Jacobian of that call is used.
+
+        Args:
+            step: index of the step within the segments.
+            x: ``(segment, field)``.
+            t: time of each, ``(segment,)``.
+            h: step of each, ``(segment,)``.
+            inputs: in the middle of the step, ``(segment,)`` each.
         """
         count, fields = x.shape
-        known = np.where(np.isfinite(x), np.abs(x), 0.0)
-        reach = np.maximum(known.max(axis=0), SMALLEST * max(1.0, float(known.max())))
+        size = np.where(np.isfinite(x), np.abs(x), 0.0)
+        reach = np.maximum(size.max(axis=0), SMALLEST * max(1.0, float(size.max())))
+        about, slopes = self._known.get(step, (np.full_like(x, np.nan), np.empty((0,))))
+        if len(about) != count:
+            about = np.full_like(x, np.nan)
+        new = np.flatnonzero(~(np.abs(x - about) < NEAR * reach).all(axis=1))
         small = self.program.rounding**0.5 * reach
-        moved = x[None] + small[:, None, None] * np.eye(fields)[:, None, :]
-        whole = np.concatenate([x[None], moved]).reshape(-1, fields)
+        moved = x[new] + small[:, None, None] * np.eye(fields)[:, None, :]
+        whole = np.concatenate([x, moved.reshape(-1, fields)])
 
-        def repeated(values: Array) -> Array:
-            return np.tile(values, fields + 1)
+        def each(values: Array) -> Array:
+            return np.concatenate([values, np.tile(values[new], fields)])
 
-        each = {name: repeated(values) for name, values in inputs.items()}
-        ends = self.advance(whole, repeated(t), repeated(h), each).reshape(-1, count, fields)
-        slopes = (ends[1:] - ends[0]) / small[:, None, None]
-        return ends[0], np.moveaxis(slopes, 0, -1)
+        named = {name: each(values) for name, values in inputs.items()}
+        ends = self.advance(whole, each(t), each(h), named)
+        after, others = ends[:count], ends[count:].reshape(fields, len(new), fields)
+        jacobian = slopes.copy() if slopes.shape[0] == count else np.empty((count, fields, fields))
+        jacobian[new] = np.moveaxis((others - after[new]) / small[:, None, None], 0, -1)
+        about = about.copy()
+        about[new] = x[new]
+        self._known[step] = about, jacobian
+        return after, jacobian

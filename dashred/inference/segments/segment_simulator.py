@@ -140,7 +140,7 @@ class SegmentSimulator:
                 x = x + h * _combined(self.tableau.b, rates)
                 s = s + h[:, :, None] * _combined(self.tableau.b, slopes)
                 if self.program is not None and i % HALVES == 0:
-                    x, carried = self.program.linearise(x, *self._program_clock(i))
+                    x, carried = self.program.linearise(i, x, *self._program_clock(i))
                     s = carried @ s
                 if (i + 1) % self._parts == 0:
                     saved.append(x)

@@ -73,7 +73,10 @@ def local_resolution(
         limit: allowed change, as a share of a trace's std.
     """
     system, episodes = problem.system, problem.episodes
-    if system.tableau is None:
+    was_chosen = problem.config.system.integrator.dt is None and system.program is not None
+    if system.tableau is None or was_chosen:
+        # An adaptive method chooses its steps. The calls of a program that found its step are not
+        # made again.
         return Resolution(0.0, limit, 1)
     clocks = [episode.times.numpy() for episode in episodes]
     segments = cut(clocks, [states.numpy() for states in references])
