@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.signal import cont2discrete, lfilter
+from scipy.signal import StateSpace, lfilter
 
 from dashred.data.fast_signals import is_fast, predicted_noise
 from dashred.data.noise_level import noise_std
@@ -24,8 +24,9 @@ DRIVE: Array = np.convolve(RNG.standard_normal(3004), np.ones(5) / 5, "valid").a
 def resonator(std: float, period: float = 9.0) -> Recording:
     """Return x of ``x'' = -ω² x - 0.1 ω x' + ω² u`` with u a random drive, of rms 1 and noise."""
     omega = 2 * np.pi / (0.1 * period)
-    matrices = ([[0, 1], [-(omega**2), -0.1 * omega]], [[0], [omega**2]], [[1, 0]], [[0]])
-    a, b, c, *_ = cont2discrete([np.array(each, float) for each in matrices], 0.1, "foh")
+    a, b = np.array([[0, 1], [-(omega**2), -0.1 * omega]]), np.array([[0.0], [omega**2]])
+    found = StateSpace(a, b, np.array([[1.0, 0.0]]), np.zeros((1, 1))).to_discrete(0.1, "foh")  # type: ignore[attr-defined]
+    a, b, c = found.A, found.B, found.C
     poles = np.poly(np.linalg.eigvals(a))
     impulse = [float((c @ np.linalg.matrix_power(a, k) @ b).item()) for k in range(3)]
     zeros = [0.0, *np.convolve(poles, impulse)[:2]]
