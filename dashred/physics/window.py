@@ -28,6 +28,9 @@ from dashred.physics.expressions.differentiate import differentiate
 from dashred.physics.grids.grid import Axis
 from dashred.physics.system import System
 
+# Largest size of the log of a width in an expression: with e**50 every edge is a jump.
+SHARPEST = 50.0
+
 
 @dataclass(frozen=True)
 class Shape:
@@ -101,7 +104,11 @@ class Window:
 
     @property
     def _named(self) -> dict[str, Expr]:
-        return {n: Number(v) for n, v in zip(self.shape.names, self.values, strict=True)}
+        *places, width = self.values
+        # A fit of an edge that is sharper than any step may end far out.
+        bounded = max(-SHARPEST, min(SHARPEST, width))
+        named = zip(self.shape.names, (*places, bounded), strict=True)
+        return {name: Number(value) for name, value in named}
 
 
 def window_shapes(system: System) -> tuple[Shape, ...]:

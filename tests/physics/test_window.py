@@ -98,3 +98,11 @@ def test_an_interval_is_told_in_coordinates_of_the_axis(axis: Axis, ends, expect
         words = f"for x > {begin:g} or x < {end:g}"
     centre, half = sum(ends) / 2, (ends[1] - ends[0]) / 2
     assert str(box(axis).at((centre, half, 0.0))) == words
+
+
+def test_an_edge_may_be_sharper_than_any_number() -> None:
+    """``exp(800)`` is no number of double precision, but the window is a jump."""
+    window = onset().at((1.0, -800.0))
+    assert chi(window, "t", [0.9, 1.1]) == [0, 1]
+    for slope in window.slopes():
+        assert evaluate(slope, "t", [0.9, 1.1]).isfinite().all()
