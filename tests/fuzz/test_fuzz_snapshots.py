@@ -10,11 +10,11 @@ import numpy as np
 import torch
 import xarray as xr
 from hypothesis import strategies as st
-from tests.physics.external.test_snapshots import declared
 
 from dashred.core.errors import InputError
 from dashred.physics.black_box.snapshot_file import open_snapshots
 from tests.fuzz.examples import fuzzed
+from tests.physics.black_box.test_snapshots import declared
 
 RING = declared(fields=("u", "v"))
 ORDERS = st.one_of(

@@ -43,7 +43,7 @@ class Slow(FunctionAdapter):
 
 def stepped(adapter: Slow, states: list[float], keep: bool = True, **over: Any) -> np.ndarray:
     column = np.array(states)[:, None]
-    given = {"t": 0 * column[:, 0], "dt": np.full(len(column), 0.1), "inputs": {}}
+    given: dict[str, Any] = {"t": 0 * column[:, 0], "dt": np.full(len(column), 0.1), "inputs": {}}
     given |= {"parameters": {"k": 2.0}} | over
     return SteppedProgram(adapter, Grid(()), keep).step(column, **given)
 
