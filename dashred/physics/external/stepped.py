@@ -121,8 +121,10 @@ class SteppedProgram:
         return result
 
     def _step_groups(self, batch: StateBatch, conduct: Conduct) -> Array:
-        result = np.empty_like(batch.states)
         groups = list(conduct.groups(batch))
+        if len(groups) == 1 and not self._adapter.parallel:
+            return self._stepped(batch, conduct)
+        result = np.empty_like(batch.states)
         if self._adapter.parallel:
             parts = min(thread_count(), len(batch))
             groups = [part for g in groups for part in np.array_split(g, parts) if part.size]
