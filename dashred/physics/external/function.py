@@ -9,7 +9,7 @@ import numpy as np
 
 from dashred.core.errors import InputError
 from dashred.physics.external.adapter import ANY_TIME, SAME_TIME, SINGLE, Unread, Way
-from dashred.physics.external.contents import module_sha256
+from dashred.physics.external.kept.contents import module_sha256
 from dashred.physics.external.state_batch import (
     Array,
     ProgramError,

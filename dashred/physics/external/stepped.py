@@ -15,7 +15,7 @@ from dashred.core.threads import in_threads, thread_count
 from dashred.physics.external.adapter import Adapter, Unread
 from dashred.physics.external.conduct import Conduct
 from dashred.physics.external.examination import examine
-from dashred.physics.external.kept_results import WORTH_KEEPING, KeptResults
+from dashred.physics.external.kept.kept_results import WORTH_KEEPING, KeptResults
 from dashred.physics.external.rounding import equal
 from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
 from dashred.physics.grids.grid import Grid
