@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dashred.config.schema.types import Where
 from dashred.core.errors import InputError, nearest
-from dashred.physics.external.command.netcdf_files import OWN_NAMES
 from dashred.physics.system_schema import System
 
 
@@ -42,6 +41,9 @@ def check_simulator(system: System, where: Where) -> None:
             raise InputError(what, where=where(f"system.axes.{name}"), hint=hint)
     if simulator.command is None:
         return
+    # Imported here, because it takes long and few systems have a command.
+    from dashred.physics.external.command.netcdf_files import OWN_NAMES
+
     for section in ("fields", "axes", "inputs", "parameters"):
         for name in getattr(system, section):
             if name in OWN_NAMES:

@@ -9,7 +9,7 @@ import numpy as np
 
 from dashred.core.errors import InputError
 from dashred.physics.external.adapter import ANY_TIME, SAME_TIME, SINGLE, Unread, Way
-from dashred.physics.external.contents import module_sha256
+from dashred.physics.external.kept.contents import module_sha256
 from dashred.physics.external.state_batch import (
     Array,
     ProgramError,
@@ -19,6 +19,9 @@ from dashred.physics.external.state_batch import (
 )
 from dashred.physics.external.user_code import last_words, load
 
+# The arrays of a call are its own, so a change is without effect; a function that changes them is
+# refused in the first calls, because it may also change what it has returned before.
+CHECKED_CALLS = 32
 Function = Callable[..., Mapping[str, Any]]
 
 
@@ -34,7 +37,7 @@ class FunctionAdapter:
 
     def __init__(self, function: Function, fields: Sequence[str], name: str, place: str) -> None:
         self._function = function
-        self._is_jax = False
+        self._is_jax, self._unchecked = False, CHECKED_CALLS
         self.fields, self.name, self.place = tuple(fields), name, place
 
     def call(self, batch: StateBatch, way: Way, time: Unread | None = None) -> Array:
@@ -66,10 +69,9 @@ class FunctionAdapter:
             raise
         except (Exception, SystemExit) as error:  # user code may raise any exception
             raise ProgramError(f"fails: {last_words(error)}") from error
-        for i, name in enumerate(self.fields):
-            if not np.array_equal(kept[name], each[i], equal_nan=True):
-                hint = f'copy it first: {name} = state["{name}"].copy()'
-                raise ProgramError(f"changes its argument: the array of {name}", hint)
+        if self._unchecked:
+            self._unchecked -= 1
+            _check_unchanged(kept, dict(zip(self.fields, each, strict=True)))
         result = read_fields(found, self.fields, each.shape[1:])
         self._is_jax = type(found[self.fields[0]]).__module__.startswith("jax")
         return np.moveaxis(result, 0, 1) if way.batch else result[None]
@@ -113,6 +115,13 @@ def run_as_step(run: Function, fields: Sequence[str]) -> Function:
         return {name: _last(name, as_array(found[name])) for name in fields if name in found}
 
     return step
+
+
+def _check_unchanged(given: Mapping[str, Any], before: Mapping[str, Array]) -> None:
+    for name, values in given.items():
+        if not np.array_equal(values, before[name], equal_nan=True):
+            hint = f'copy it first: {name} = state["{name}"].copy()'
+            raise ProgramError(f"changes its argument: the array of {name}", hint)
 
 
 def _last(name: str, values: Any) -> Any:

@@ -15,7 +15,7 @@ from dashred.core.threads import in_threads, thread_count
 from dashred.physics.external.adapter import Adapter, Unread
 from dashred.physics.external.conduct import Conduct
 from dashred.physics.external.examination import examine
-from dashred.physics.external.kept_results import WORTH_KEEPING, KeptResults
+from dashred.physics.external.kept.kept_results import WORTH_KEEPING, KeptResults
 from dashred.physics.external.rounding import equal
 from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
 from dashred.physics.grids.grid import Grid
@@ -124,8 +124,10 @@ class SteppedProgram:
         return result
 
     def _step_groups(self, batch: StateBatch, conduct: Conduct) -> Array:
-        result = np.empty_like(batch.states)
         groups = list(conduct.groups(batch))
+        if len(groups) == 1 and not self._adapter.parallel:
+            return self._stepped(batch, conduct)
+        result = np.empty_like(batch.states)
         if self._adapter.parallel:
             parts = min(thread_count(), len(batch))
             groups = [part for g in groups for part in np.array_split(g, parts) if part.size]

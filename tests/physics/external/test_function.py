@@ -27,7 +27,7 @@ def opened(function: Callable[..., Any], *fields: str) -> SteppedProgram:
 def stepped(program: SteppedProgram, states: np.ndarray, **over: Any) -> np.ndarray:
     """Step states from different times, with steps of 0.1."""
     t, dt = np.arange(float(len(states))), np.full(len(states), 0.1)
-    given = {"t": t, "dt": dt, "inputs": {}, "parameters": {"k": 2.0}} | over
+    given: dict[str, Any] = {"t": t, "dt": dt, "inputs": {}, "parameters": {"k": 2.0}} | over
     return program.step(states, **given)
 
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dashred.physics.external import kept_results
 from dashred.physics.external.function import FunctionAdapter
+from dashred.physics.external.kept import kept_results
 from dashred.physics.external.stepped import SteppedProgram
 from dashred.physics.grids.grid import Grid
 
@@ -43,7 +43,7 @@ class Slow(FunctionAdapter):
 
 def stepped(adapter: Slow, states: list[float], keep: bool = True, **over: Any) -> np.ndarray:
     column = np.array(states)[:, None]
-    given = {"t": 0 * column[:, 0], "dt": np.full(len(column), 0.1), "inputs": {}}
+    given: dict[str, Any] = {"t": 0 * column[:, 0], "dt": np.full(len(column), 0.1), "inputs": {}}
     given |= {"parameters": {"k": 2.0}} | over
     return SteppedProgram(adapter, Grid(()), keep).step(column, **given)
 

@@ -15,7 +15,7 @@ from dashred.physics.external.adapter import ANY_TIME, SINGLE, Unread, Way
 from dashred.physics.external.command import netcdf_files, text_files
 from dashred.physics.external.command.layout import Layout
 from dashred.physics.external.command.process import run_process
-from dashred.physics.external.contents import files_sha256
+from dashred.physics.external.kept.contents import files_sha256
 from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
 
 # Each further state of a call may take so many times what one took in the first call.

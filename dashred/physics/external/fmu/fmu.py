@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from dashred.physics.external.adapter import ANY_TIME, Unread, Way
-from dashred.physics.external.contents import files_sha256
 from dashred.physics.external.fmu.description import (
     MODEL_EXCHANGE,
     SETTABLE,
@@ -19,6 +18,7 @@ from dashred.physics.external.fmu.description import (
 )
 from dashred.physics.external.fmu.instance import Instance
 from dashred.physics.external.fmu.integration import integrate, longest_step
+from dashred.physics.external.kept.contents import files_sha256
 from dashred.physics.external.state_batch import Array, StateBatch
 
 

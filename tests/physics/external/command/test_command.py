@@ -71,7 +71,7 @@ def nothing_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 def opened(words: list[str], template: Path | None = None, **over: Any) -> SteppedProgram:
     path = None if template is None else str(template)
-    options = {"seconds": 20.0, "layout": LAYOUT, "place": PLACE} | over
+    options: dict[str, Any] = {"seconds": 20.0, "layout": LAYOUT, "place": PLACE} | over
     return SteppedProgram(open_command(words, path, **options), GRID, keep=False)
 
 

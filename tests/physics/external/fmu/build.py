@@ -66,8 +66,8 @@ def description(version: int, kinds: list[str], events: int) -> str:
     numbers = {name: index for index, name in enumerate(VARIABLES, start=1)}
     lines = []
     for name, (causality, variability, initial, start, state) in VARIABLES.items():
-        kind = {"n": "Integer" if version == 2 else "Int32"}
-        kind = kind.get(name, "Real" if version == 2 else "Float64")
+        reals, integers = ("Real", "Integer") if version == 2 else ("Float64", "Int32")
+        kind = integers if name == "n" else reals
         own = f'name="{name}" valueReference="{numbers[name]}" causality="{causality}"'
         own += f' variability="{variability}"' + (f' initial="{initial}"' if initial else "")
         more = "" if start is None else f' start="{start}"'

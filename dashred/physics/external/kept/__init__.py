@@ -1,0 +1,1 @@
+"""Results of programs that are kept on disk, and the contents by which they are found."""
