@@ -42,6 +42,8 @@ MAX_NOISE_RATIO = 1.3
 FORGOTTEN = 0.1
 # Number of samples of the first fit without a law if no earlier fit is trusted.
 FIRST_SAMPLES = 6
+# Smallest rms of a tendency, as in the scales of candidates: a simulation may stay at rest.
+LEAST_TENDENCY = 1e-12
 
 
 def compare_explanations(
@@ -259,6 +261,10 @@ def _with_candidates(
 
 
 def tendency_size(system: System, states: Tensor, times: Tensor) -> Tensor:
-    """Return the rms of the right-hand side of each equation over a simulation, ``(equation,)``."""
+    """Return the rms of the right-hand side of each equation over a simulation, ``(equation,)``.
+
+    It is positive even if the simulation stays at rest.
+    """
     tendencies = [Term(field, system.equations[field]) for field in system.fields]
-    return evaluate_terms(system, tendencies, states, times).flatten(1).square().mean(dim=1).sqrt()
+    rates = evaluate_terms(system, tendencies, states, times).flatten(1)
+    return rates.square().mean(dim=1).sqrt().clamp(min=LEAST_TENDENCY)
