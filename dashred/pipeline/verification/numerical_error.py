@@ -24,32 +24,59 @@ from dashred.pipeline.problem import Problem
 CHECKED_SHARE, MIN_SAMPLES = 0.1, 4
 # More than that is no longer a number to compare.
 MAX_ERROR = 1e6
+# The step is halved so many times at most in search of one that suffices.
+MAX_HALVINGS = 4
 
 
 @torch.no_grad()
-def numerical_error(problem: Problem, law: Law, noise: Tensor) -> float:
+def numerical_error(problem: Problem, law: Law, noise: Tensor) -> float | None:
     """Return the largest numerical error of the corrected simulator, in std of the noise.
 
     It is the rms over the sensors of ``(H x − H x_fine)/σ``, maximised over the first samples and
     the episodes; x is the corrected run from the fitted start, x_fine the same at doubled
-    resolution.
+    resolution. None if both diverge: then the law is at fault, and not the resolution.
 
     Args:
         problem: the simulator and the episodes.
         law: the law.
         noise: σ of the residuals of the law, ``(sensor,)``, which may exceed the sensor noise.
     """
-    episodes = zip(problem.episodes, law.start, strict=True)
-    return max(_error(e, law, start, noise) for e, start in episodes)
+    found = _errors(problem, law, noise, problem.system.dt)
+    return None if found is None else max(found)
 
 
-def _error(problem: Problem, law: Law, start: Tensor, noise: Tensor) -> float:
-    fitted = len(problem.split.fit.times)
-    times = problem.times[: max(MIN_SAMPLES, math.ceil(CHECKED_SHARE * fitted))]
-    own = build_corrected_system(problem.system, law)
-    runs = ((own, simulate(own, start[None], times)), simulate_refined(own, start[None], times))
-    sensors = problem.split.fit.sensors
-    coarse, fine = (ObservationOperator(sensors, system)(states) for system, states in runs)
-    error = (coarse - fine)[0] / noise
-    largest = error.square().mean(dim=-1).sqrt().max()
-    return float(largest.nan_to_num(nan=MAX_ERROR).clamp(max=MAX_ERROR))
+@torch.no_grad()
+def sufficient_step(problem: Problem, law: Law, noise: Tensor) -> float | None:
+    """Return a time step with which :func:`numerical_error` is below the noise.
+
+    None if no shorter step helps, because the grid is too coarse, or because the method chooses its
+    own steps.
+    """
+    system = problem.system
+    if not system.axes and system.tableau is None:
+        return None
+    for halvings in range(1, MAX_HALVINGS + 1):
+        dt = system.dt / 2**halvings
+        found = _errors(problem, law, noise, dt)
+        if found is not None and max(found) <= 1:
+            return dt
+    return None
+
+
+def _errors(problem: Problem, law: Law, noise: Tensor, dt: float) -> list[float] | None:
+    """Return the error in every episode with a time step; None if a run diverges."""
+    errors = []
+    for episode, start in zip(problem.episodes, law.start, strict=True):
+        fitted = len(episode.split.fit.times)
+        times = episode.times[: max(MIN_SAMPLES, math.ceil(CHECKED_SHARE * fitted))]
+        own = build_corrected_system(episode.system, law).with_step(dt)
+        states = simulate(own, start[None], times)
+        finer, fine_states = simulate_refined(own, start[None], times)
+        if not torch.isfinite(states).all() and not torch.isfinite(fine_states).all():
+            return None
+        sensors = episode.split.fit.sensors
+        coarse = ObservationOperator(sensors, own)(states)
+        fine = ObservationOperator(sensors, finer)(fine_states)
+        largest = ((coarse - fine)[0] / noise).square().mean(dim=-1).sqrt().max()
+        errors.append(float(largest.nan_to_num(nan=MAX_ERROR).clamp(max=MAX_ERROR)))
+    return errors
