@@ -42,6 +42,7 @@ from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
 from dashred.pipeline.outputs.corrected_config import write_corrected
 from dashred.pipeline.outputs.field_files import episodes_dataset
 from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation.numerical_error import numerical_error, sufficient_step
 from dashred.pipeline.verification.comparison import (
     compare_held_out,
     confirmed,
@@ -50,7 +51,6 @@ from dashred.pipeline.verification.comparison import (
 from dashred.pipeline.verification.energy import energy_loss
 from dashred.pipeline.verification.held_out import held_out_errors, predict_held_out
 from dashred.pipeline.verification.held_out_faults import err_next_to, held_out_faults
-from dashred.pipeline.verification.numerical_error import numerical_error, sufficient_step
 from dashred.pipeline.verification.sensor_noise import noise_of_sensors
 from dashred.pipeline.verification.spent_budget import blame_budget, note_budget
 from dashred.pipeline.verification.structure import structure_change

@@ -13,7 +13,7 @@ from torch import Tensor
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import Law
 from dashred.physics.system import System
-from dashred.pipeline.verification.numerical_error import (
+from dashred.pipeline.simulation.numerical_error import (
     CHECKED_SHARE,
     MAX_ERROR,
     numerical_error,
