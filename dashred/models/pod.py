@@ -8,6 +8,8 @@ from torch import Tensor, nn
 
 # Eigenvalues below this share of the largest are rounding errors of the Gram matrix.
 EIGENVALUE_TOLERANCE = 1e-13
+# Largest Gram matrix. Its eigenvectors take seconds, and the time grows with the third power.
+LARGEST_GRAM = 2048
 
 
 class POD(nn.Module):
@@ -49,6 +51,8 @@ class POD(nn.Module):
     def fit(cls, states: Float[Tensor, "sample field *grid"], modes: int) -> POD:
         """Compute at most ``modes`` modes of training states; fewer if the rank is lower.
 
+        Of many samples of many cells, the modes are those of a random subset.
+
         Raises:
             ValueError: all states are equal.
         """
@@ -57,7 +61,8 @@ class POD(nn.Module):
         scale = torch.where(scale > 0, scale, torch.ones_like(scale))
         scaled = (states.reshape(samples, fields, -1) / scale[:, None]).reshape(samples, -1)
         mean = scaled.mean(dim=0)
-        basis, energy = _principal_modes(scaled - mean, modes)
+        chosen = _subset(*scaled.shape)
+        basis, energy = _principal_modes(scaled[chosen] - mean, modes)
         return cls(mean, basis, scale, energy, tuple(states.shape[2:]))
 
     def encode(self, states: Float[Tensor, "*dims"]) -> Float[Tensor, "*batch mode"]:
@@ -74,6 +79,14 @@ class POD(nn.Module):
         batch = coefficients.shape[:-1]
         fields = cells.reshape(*batch, len(self.scale), -1) * self.scale.to(dtype)[:, None]
         return fields.reshape(*batch, len(self.scale), *self.grid)
+
+
+def _subset(samples: int, cells: int) -> Tensor:
+    """Return the indices of the samples that give the modes, in order; the same in every run."""
+    if min(samples, cells) <= LARGEST_GRAM:
+        return torch.arange(samples)
+    shuffled = torch.randperm(samples, generator=torch.Generator().manual_seed(0))
+    return shuffled[:LARGEST_GRAM].sort().values
 
 
 def _principal_modes(

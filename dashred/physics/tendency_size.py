@@ -11,10 +11,14 @@ from dashred.physics.system import System, Term
 
 # A difference in time over this share of the time step is the rate of a program.
 SHORT_STEP = 1 / 16
+# Smallest rms of a tendency: a simulation may stay at rest.
+LEAST = 1e-12
 
 
 def tendency_size(system: System, states: Tensor, t: float | Tensor) -> Tensor:
     """Return the rms of the right-hand side of each equation over a simulation, ``(field,)``.
+
+    It is positive even if the simulation stays at rest.
 
     Args:
         system: the simulator.
@@ -25,7 +29,7 @@ def tendency_size(system: System, states: Tensor, t: float | Tensor) -> Tensor:
     rates = evaluate_terms(system, own, states, t).transpose(0, 1)
     if system.program is not None:
         rates = rates + program_rates(system, states, t)
-    return rates.transpose(0, 1).flatten(1).square().mean(dim=1).sqrt()
+    return rates.transpose(0, 1).flatten(1).square().mean(dim=1).sqrt().clamp(min=LEAST)
 
 
 @torch.no_grad()

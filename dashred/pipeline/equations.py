@@ -10,6 +10,7 @@ from dashred.config import Config, config_sha256
 from dashred.core.budget import OutOfTimeError
 from dashred.core.errors import InputError
 from dashred.core.tracking import RunTracker
+from dashred.inference.forward.first_compilation import compile_integrators
 from dashred.inference.hypotheses.result import Discovery
 from dashred.inference.segments.findings.error_growth import is_chaotic
 from dashred.inference.segments.findings.segment_laws import law_from_segments, states_by_sample
@@ -251,6 +252,9 @@ def analyse_equations(config: Config) -> Path:
         InputError: the input is wrong; the output folder may have been created, but is empty.
     """
     provenance.prepare_torch(config)
+    # The first run of an installation compiles for many seconds. The budget begins after that, so
+    # that the first run finds what later ones find.
+    compile_integrators(config.system)
     problem = build_problem(config)
     named = named_output(config)
     seconds: dict[str, float] = {}

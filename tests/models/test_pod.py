@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
+from dashred.models import pod as pod_module
 from dashred.models.pod import POD
 
 
@@ -91,3 +92,12 @@ def test_a_constant_field_does_no_harm_but_constant_states_have_no_modes():
     torch.testing.assert_close(pod.decode(pod.encode(states))[:, 1], states[:, 1])
     with pytest.raises(ValueError, match="no modes"):
         POD.fit(torch.ones(10, 2, 8, dtype=torch.float64), 4)
+
+
+def test_many_samples_of_many_cells_have_the_modes_of_some(monkeypatch):
+    monkeypatch.setattr(pod_module, "LARGEST_GRAM", 20)
+    states = low_rank(400)
+    pod = POD.fit(states, 10)
+    assert pod.modes.shape[0] == 3
+    torch.testing.assert_close(pod.decode(pod.encode(states)), states, rtol=1e-6, atol=1e-6)
+    assert torch.equal(pod.modes, POD.fit(states, 10).modes)

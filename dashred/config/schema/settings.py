@@ -195,7 +195,9 @@ class Settings:
 
     budget: Annotated[Positive, Unit("seconds")] | None
     """Time that an analysis may take, to a tenth. What it does not suffice for is left out and
-    listed in the findings. Null gives 600 s to a system with two axes, else 300 s."""
+    listed in the findings. It begins when all code is loaded; the first run of an installation
+    compiles code for some seconds before. Null gives 600 s to a system with two axes, else 300 s.
+    """
 
     resolution_limit: Annotated[Positive, Unit("a trace's standard deviation")]
     """Largest change of a sensor trace when the resolution is doubled."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import torch
 from torch import Tensor
 
+from dashred.core.budget import OutOfTimeError
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 
@@ -29,6 +31,8 @@ def first_samples(objective: LeastSquaresProblem) -> int:
 def fit_first_window(objective: LeastSquaresProblem, trace_std: Tensor) -> FitResult:
     """Fit the start to the first samples (docs/method.md#first-window).
 
+    At the deadline of F the fit ends with the best start so far.
+
     Args:
         objective: F over the whole record.
         trace_std: std of the trace of each sensor, ``(sensor,)``.
@@ -39,8 +43,9 @@ def fit_first_window(objective: LeastSquaresProblem, trace_std: Tensor) -> FitRe
     rough = [a for a in ANNEALING if a > FINAL_ANNEALING[0] * ratio]
     coarse = [replace(noise, std=torch.maximum(a * trace_std, noise.std)) for a in rough]
     fine = [noise.scaled(a) for a in FINAL_ANNEALING]
-    phi = torch.zeros(objective.modes, dtype=torch.float64)
-    for annealed in (*coarse, *fine):
-        fitted = minimise(replace(window, noise=annealed), phi, STEPS, TOLERANCE)
-        phi = fitted.phi
+    start = torch.zeros(objective.modes, dtype=torch.float64)
+    fitted = minimise(window, start, 0, TOLERANCE)
+    with suppress(OutOfTimeError):
+        for annealed in (*coarse, *fine):
+            fitted = minimise(replace(window, noise=annealed), fitted.phi, STEPS, TOLERANCE)
     return fitted

@@ -73,7 +73,7 @@ def minimise(
     while fitted.jacobians < steps and not fitted.converged:
         objective.deadline.check()
         if known is None or fitted.jacobians:
-            normal = objective.linearise(fitted.phi, fitted.readings)
+            normal = objective.linearise(fitted.phi, fitted.readings, objective.deadline)
         else:
             normal = replace(known, precision=objective.precision)
         if not normal.is_finite:

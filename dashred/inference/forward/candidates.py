@@ -205,7 +205,7 @@ def _column(
     found = evaluate_terms(system, candidate.terms, states, t).flatten(1)
     for term, column in zip(candidate.terms, found, strict=True):
         index = system.fields.index(term.equation)
-        columns[index] += column / rms[index].clamp(min=1e-12)
+        columns[index] += column / rms[index]
     return columns.flatten()
 
 

@@ -16,6 +16,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from dashred.core.budget import NEVER, Deadline
 from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.initial_state.covariance_tapers import (
     distances,
@@ -99,6 +100,7 @@ def ensemble_filter(
     operator: ObservationOperator,
     noise: Float[Tensor, " sensor"],
     settings: FilterSettings,
+    deadline: Deadline = NEVER,
 ) -> FilterResult:
     """Assimilate a recording, sample by sample.
 
@@ -112,9 +114,11 @@ def ensemble_filter(
         operator: H of the sensors.
         noise: σ of each sensor.
         settings: localisation, inflation and damping.
+        deadline: time at which the filter ends.
 
     Raises:
         FilterLostError: more than half of the members blow up.
+        OutOfTimeError: the deadline is over.
     """
     if coefficients is None:
         terms, coefficients = (), members.new_zeros((len(members), 0))
@@ -126,6 +130,7 @@ def ensemble_filter(
     innovations, stds = torch.full_like(values, torch.nan), torch.full_like(values, torch.nan)
     means = members.new_empty((len(times), *members.shape[1:]))
     for i in range(len(times)):
+        deadline.check()
         if i:
             states = run(states, times[i - 1 : i + 1], coefficients)[:, -1]
             bounded = _bounded_members(states)

@@ -15,6 +15,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from dashred.core.budget import NEVER, Deadline, OutOfTimeError
 from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.initial_state.analogs import Analogs, nearest_analogs
 from dashred.inference.initial_state.ensemble_filter import (
@@ -90,10 +91,12 @@ def first_guesses(
     readings: Readings,
     network: NetworkEstimate | None,
     settings: FirstGuessSettings,
+    deadline: Deadline = NEVER,
 ) -> dict[str, StartModel]:
     """Return the first guesses by name: ``prior``, ``blue``, ``filter`` and ``dashred``.
 
-    ``dashred`` is left out without an estimate of the network, and ``filter`` if it diverges.
+    ``dashred`` is left out without an estimate of the network, and ``filter`` if it diverges. Those
+    that are not ready at the deadline are left out.
 
     Args:
         system: the simulator, with the time step of the ensemble.
@@ -103,7 +106,11 @@ def first_guesses(
         readings: readings of the fit sensors.
         network: estimate of DA-SHRED; None if there is none.
         settings: settings of the first guesses.
+        deadline: time at which the computation ends.
     """
+    guesses: dict[str, StartModel] = {"prior": prior}
+    if deadline.is_over:
+        return guesses
     begin = Readings(
         readings.times[: settings.window],
         readings.values[: settings.window],
@@ -120,13 +127,12 @@ def first_guesses(
         settings.analogs,
     )
     scale = field_rms(ensemble.states.flatten(0, 1))
-    guesses: dict[str, StartModel] = {
-        "prior": prior,
-        "blue": linear_guess(analogs, begin, scale, settings),
-    }
-    with suppress(FilterLostError):
-        guesses["filter"] = filter_guess(system, analogs, terms, readings, scale, settings)
-    if network is not None:
+    guesses["blue"] = linear_guess(analogs, begin, scale, settings)
+    with suppress(FilterLostError, OutOfTimeError):
+        guesses["filter"] = filter_guess(
+            system, analogs, terms, readings, scale, settings, deadline
+        )
+    if network is not None and not deadline.is_over:
         guesses["dashred"] = network_guess(network, analogs, settings)
     return guesses
 
@@ -149,6 +155,7 @@ def filter_guess(
     readings: Readings,
     scale: Float[Tensor, " field"],
     settings: FirstGuessSettings,
+    deadline: Deadline,
 ) -> LinearStart:
     """Return the smoothed start of the filter, whose initial members are the analogs.
 
@@ -157,6 +164,7 @@ def filter_guess(
 
     Raises:
         FilterLostError: more than half of the members blow up.
+        OutOfTimeError: the deadline is over.
     """
     samples = slice(min(settings.filtered, len(readings.times)))
     found = ensemble_filter(
@@ -169,6 +177,7 @@ def filter_guess(
         readings.operator,
         readings.noise,
         settings.filter,
+        deadline,
     )
     estimate = Estimate(found.start_mean, found.start_anomalies)
     return leading_modes(estimate, scale, settings.modes, settings.inflation)

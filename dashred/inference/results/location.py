@@ -144,7 +144,7 @@ def law_tendency(system: System, law: Law, states: Tensor, times: Tensor) -> Ten
         columns = evaluate_terms(system, candidate.terms, states, times)
         for term, column in zip(candidate.terms, columns, strict=True):
             index = system.fields.index(term.equation)
-            ratios[:, index] += value * column / rms[index].clamp(min=1e-300)
+            ratios[:, index] += value * column / rms[index]
     return ratios
 
 

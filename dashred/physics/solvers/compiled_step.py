@@ -3,6 +3,9 @@
 On grids of a few hundred points, the overhead of calling array operations exceeds their cost.
 Compiled code avoids these calls. The code releases the GIL, so several threads can integrate
 different rows of one batch.
+
+The code has loops instead of array expressions and assignments to slices, because Numba needs
+several times as long to compile those.
 """
 
 # ruff: noqa: RUF005 (Numba does not compile unpacking into a tuple)
@@ -25,6 +28,8 @@ Modes = NDArray[np.complex128]
 Indices = NDArray[np.int64]
 STAGES = 4
 """Stages of a step."""
+NODES = (0.0, 0.5, 0.5, 1.0)
+"""Times of the stages within a step, as shares of its length."""
 
 
 class StepArrays(NamedTuple):
@@ -112,6 +117,29 @@ def _to_points(modes: Modes, shape: tuple[int, ...], axes: tuple[int, ...]) -> A
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
+def _copy(source: Array | Modes, target: Array | Modes) -> None:
+    """Set ``target = source``, ``(row, entry)``."""
+    for row in range(len(source)):
+        for k in range(source.shape[1]):
+            target[row, k] = source[row, k]
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def _mask(modes: Modes, mask: Array) -> None:
+    """Set ``modes *= mask``, ``(field, mode)`` and ``(mode,)``."""
+    for field in range(len(modes)):
+        for k in range(len(mask)):
+            modes[field, k] *= mask[k]
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def _add_product(factor: Modes, source: Modes, strength: float, target: Modes) -> None:
+    """Set ``target += strength factor source``, ``(entry,)``."""
+    for k in range(len(target)):
+        target[k] += strength * (factor[k] * source[k])
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
 def _evaluate_nonlinear(
     kernel: Kernel,
     modes: Modes,
@@ -127,18 +155,21 @@ def _evaluate_nonlinear(
 ) -> None:
     """Write N of one trajectory's modes ``(field, mode)`` into ``out``."""
     fields = len(modes)
-    spectra[:fields] = modes
+    _copy(modes, spectra)
     used = fields
     for d in range(len(tendency.input_field)):
         if tendency.input_active[row, d]:
-            spectra[used] = tendency.input_symbol[d] * modes[tendency.input_field[d]]
+            spectra[used] = 0.0
+            _add_product(
+                tendency.input_symbol[d], modes[tendency.input_field[d]], 1.0, spectra[used]
+            )
             used += 1
     flat = _to_points(spectra[:used], shape, axes)
-    inputs[:fields, 0] = flat[:fields]
+    _copy(flat[:fields], inputs[:, 0])
     used = fields
     for d in range(len(tendency.input_field)):
         if tendency.input_active[row, d]:
-            inputs[fields + d, 0] = flat[used]
+            _copy(flat[used : used + 1], inputs[fields + d])
             used += 1
     kernel(inputs, tendency.coordinates, t, tendency.weights[row : row + 1], channels)
     chosen = np.nonzero(tendency.channel_active[row])[0]
@@ -146,17 +177,20 @@ def _evaluate_nonlinear(
     if len(chosen):
         hats = _to_modes(channels[chosen], shape, axes)
         for k in range(len(chosen)):
-            out[tendency.channel_field[chosen[k]]] += tendency.channel_symbol[chosen[k]] * hats[k]
+            target = out[tendency.channel_field[chosen[k]]]
+            _add_product(tendency.channel_symbol[chosen[k]], hats[k], 1.0, target)
     for k in range(len(tendency.coupling_target)):
-        if tendency.coupling_strength[row, k] != 0.0:
-            product = tendency.coupling_symbol[k] * modes[tendency.coupling_source[k]]
-            out[tendency.coupling_target[k]] += tendency.coupling_strength[row, k] * product
+        strength = tendency.coupling_strength[row, k]
+        if strength != 0.0:
+            source, target = modes[tendency.coupling_source[k]], out[tendency.coupling_target[k]]
+            _add_product(tendency.coupling_symbol[k], source, strength, target)
     if len(tendency.knots):
         k, fraction = find_interval(tendency.knots, t)
-        out += (1 - fraction) * tendency.sampled_forcing[
-            row, k
-        ] + fraction * tendency.sampled_forcing[row, k + 1]
-    out *= tendency.mask
+        before, after = tendency.sampled_forcing[row, k], tendency.sampled_forcing[row, k + 1]
+        for field in range(fields):
+            for m in range(out.shape[1]):
+                out[field, m] += (1 - fraction) * before[field, m] + fraction * after[field, m]
+    _mask(out, tendency.mask)
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
@@ -198,16 +232,23 @@ def _advance(
     full, half, q = factors[0, place], factors[1, place], factors[2, place]
     first, middle, last = factors[3, place], factors[4, place], factors[5, place]
     arguments = row, tendency, shape, axes, spectra, inputs, channels
-    stages[0] = modes
-    _evaluate_nonlinear(kernel, stages[0], t, *arguments, rates[0])
-    linear = half * modes
-    stages[1] = linear + q * rates[0]
-    _evaluate_nonlinear(kernel, stages[1], t + h / 2, *arguments, rates[1])
-    stages[2] = linear + q * rates[1]
-    _evaluate_nonlinear(kernel, stages[2], t + h / 2, *arguments, rates[2])
-    stages[3] = half * stages[1] + q * (2 * rates[2] - rates[0])
-    _evaluate_nonlinear(kernel, stages[3], t + h, *arguments, rates[3])
-    modes[:] = full * modes + first * rates[0] + middle * (rates[1] + rates[2]) + last * rates[3]
+    _copy(modes, stages[0])
+    # One call for all stages: LLVM would copy the code of N to each call.
+    for stage in range(STAGES):
+        at = stages[stage]
+        for f in range(len(modes)):
+            for k in range(modes.shape[1]):
+                if stage == 3:
+                    ahead = 2 * rates[2, f, k] - rates[0, f, k]
+                    at[f, k] = half[f, k] * stages[1, f, k] + q[f, k] * ahead
+                elif stage > 0:
+                    at[f, k] = half[f, k] * modes[f, k] + q[f, k] * rates[stage - 1, f, k]
+        _evaluate_nonlinear(kernel, at, t + NODES[stage] * h, *arguments, rates[stage])
+    for f in range(len(modes)):
+        for k in range(modes.shape[1]):
+            both = rates[1, f, k] + rates[2, f, k]
+            begin = full[f, k] * modes[f, k] + first[f, k] * rates[0, f, k]
+            modes[f, k] = begin + middle[f, k] * both + last[f, k] * rates[3, f, k]
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
@@ -245,12 +286,13 @@ def integrate_row(
     saved = 0
     for i in range(len(steps.t)):
         if steps.begins[i]:
-            modes[:] = _to_modes(states[row, saved].copy(), shape, axes) * tendency.mask
+            _copy(_to_modes(states[row, saved].copy(), shape, axes), modes)
+            _mask(modes, tendency.mask)
         t, h, own = steps.t[i], steps.lengths[steps.h[i]], factors[steps.h[i]]
         _advance(kernel, row, tendency, own, t, h, shape, axes, *work, modes, stages, rates)
         if steps.ends[i]:
             saved += 1
-            states[row, saved] = _to_points(modes, shape, axes)
+            _copy(_to_points(modes, shape, axes), states[row, saved])
             if not np.isfinite(states[row, saved]).all():
                 return
 
@@ -288,11 +330,12 @@ def integrate_stages(
     saved = 0
     for i in range(len(steps.t)):
         if steps.begins[i]:
-            modes[:] = _to_modes(_to_points(modes, shape, axes), shape, axes) * tendency.mask
+            _copy(_to_modes(_to_points(modes, shape, axes), shape, axes), modes)
+            _mask(modes, tendency.mask)
         t, h, own = steps.t[i], steps.lengths[steps.h[i]], factors[steps.h[i]]
         _advance(kernel, 0, tendency, own, t, h, shape, axes, *work, modes, stages[i], rates[i])
         if steps.ends[i]:
-            states[saved] = _to_points(modes, shape, axes)
+            _copy(_to_points(modes, shape, axes), states[saved])
             saved += 1
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from dashred.core.budget import NEVER, Deadline
 from dashred.core.progress import Report
 from dashred.data.recording import Recording
 from dashred.inference.fit.first_window import first_samples, fit_first_window
@@ -76,8 +77,9 @@ def fit_first_guesses(
     """Fit every first guess to the first window and return them, the preferred one first."""
     error = torch.tensor([network.test_rmse[f] for f in problem.system.fields]) * network.scale
     states = (assimilated.dashred[0], *(dashred[0] for _, dashred in assimilated.others))
+    deadline = problem.deadline("fit the first guesses")
     by_episode = [
-        _guesses_of_episode(episode, nominal, ensemble, NetworkEstimate(state, error))
+        _guesses_of_episode(episode, nominal, ensemble, NetworkEstimate(state, error), deadline)
         for episode, state in zip(problem.episodes, states, strict=True)
     ]
     models: dict[str, StartModel] = {"prior": nominal.start} | {
@@ -86,18 +88,22 @@ def fit_first_guesses(
         if name != "prior" and all(name in guesses for guesses in by_episode)
     }
     fitted: list[FittedGuess] = []
-    deadline = problem.deadline("fit the first guesses")
     for i, (name, model) in enumerate(models.items(), start=1):
         if fitted and deadline.is_over:
-            problem.budget.leave_out(f"the first guess {name}")
-            continue
-        fitted.append(fit_first_guess(problem, simulator, name, model))
+            break
+        fitted.append(fit_first_guess(problem, simulator, name, model, deadline))
         report(i / len(models), f"{name} {fitted[-1].error:.2f} σ")
+    if deadline.is_over:
+        problem.budget.leave_out("further first guesses")
     return rank_guesses(fitted, SMALL_ERROR * float((1 / noise_share(problem)).median()))
 
 
 def _guesses_of_episode(
-    episode: Problem, nominal: NominalRun, ensemble: Ensemble, network: NetworkEstimate
+    episode: Problem,
+    nominal: NominalRun,
+    ensemble: Ensemble,
+    network: NetworkEstimate,
+    deadline: Deadline,
 ) -> dict[str, StartModel]:
     """Return the first guesses of one episode by name."""
     fit = episode.split.fit
@@ -115,6 +121,7 @@ def _guesses_of_episode(
         readings,
         network,
         FirstGuessSettings(),
+        deadline,
     )
 
 
@@ -134,10 +141,15 @@ def rank_guesses(guesses: Sequence[FittedGuess], near: float) -> list[FittedGues
 
 
 def fit_first_guess(
-    problem: Problem, simulator: Simulator, name: str, model: StartModel
+    problem: Problem,
+    simulator: Simulator,
+    name: str,
+    model: StartModel,
+    deadline: Deadline = NEVER,
 ) -> FittedGuess:
     """Fit one first guess to the first window and compute its error there."""
     objective = build_least_squares(problem, simulator, model, [], 1.0)
+    objective = replace(objective, deadline=deadline)
     fitted = fit_first_window(objective, trace_std(problem))
     errors = [_rmse(problem, objective, fitted.phi, part) for part in _recordings(problem)]
     return FittedGuess(name, model, fitted.phi, max(errors))

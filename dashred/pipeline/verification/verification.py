@@ -42,6 +42,7 @@ from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
 from dashred.pipeline.outputs.corrected_config import write_corrected
 from dashred.pipeline.outputs.field_files import episodes_dataset
 from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation.numerical_error import numerical_error, sufficient_step
 from dashred.pipeline.verification.comparison import (
     compare_held_out,
     confirmed,
@@ -50,7 +51,6 @@ from dashred.pipeline.verification.comparison import (
 from dashred.pipeline.verification.energy import energy_loss
 from dashred.pipeline.verification.held_out import held_out_errors, predict_held_out
 from dashred.pipeline.verification.held_out_faults import err_next_to, held_out_faults
-from dashred.pipeline.verification.numerical_error import numerical_error
 from dashred.pipeline.verification.sensor_noise import noise_of_sensors
 from dashred.pipeline.verification.spent_budget import blame_budget, note_budget
 from dashred.pipeline.verification.structure import structure_change
@@ -79,12 +79,17 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     is_local = err_next_to(problem, discovered.best.faults, faults)
     kind = confirmed(kind, discovered.best, comparisons, misfits, is_local)
     kind, causes = with_faults(kind, causes, map(problem.fault_details, faults))
+    law, std = discovered.best, discovered.noise.std[: len(names)]
+    # Without a law that is told, its numerical error says nothing.
+    error = None if kind == "not-converged" else numerical_error(problem, law, std)
+    too_large = error is not None and error > 1
     fit = Fit(
         comparisons=comparisons,
         # The noise is the same in all episodes.
         noise_std=problem.noise | dict(zip(names, discovered.noise.std.tolist(), strict=False)),
         noise_correlation=float(discovered.noise.correlation.max()),
-        own_error=numerical_error(problem, discovered.best, discovered.noise.std[: len(names)]),
+        own_error=error,
+        sufficient_dt=sufficient_step(problem, law, std) if too_large else None,
         chi2=discovered.best.chi2,
         unexplained=left,
         misfit_at_test_sensors=misfits or None,

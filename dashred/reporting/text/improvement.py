@@ -130,11 +130,15 @@ def resolution_warning(fit: Mapping[str, Any]) -> list[str]:
     error = fit["own_error"]
     if error is None or error <= 1:
         return []
-    size = number(float(f"{error:.2g}"))
+    size, dt = number(float(f"{error:.2g}")), fit.get("sufficient_dt")
+    remedy = "halve the time step or double the points"
+    if dt is not None:
+        remedy = f"set system.integrator.dt to {number(float(f'{dt:.6g}'))}"
     return [
-        "At the start of the recording, the simulation's numerical error is "
-        f"{size} times the noise of the sensors. A term that acts only there may express this "
-        "error. To check, halve the time step or double the points, and run again."
+        "At the start of the recording, the numerical error of the corrected simulation is "
+        f"{size} times the noise of the sensors. The resolution was checked before the law was "
+        f"known. A term that acts only there may express this error. To check, {remedy}, and run "
+        "again."
     ]
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 
+from dashred.core.budget import Deadline
 from dashred.inference.fit.first_window import SAMPLES, first_samples, fit_first_window
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
@@ -35,3 +38,11 @@ def test_the_first_window_is_fitted_from_a_distant_start(swing: Swing) -> None:
     exact = minimise(window, torch.tensor(z, dtype=torch.float64), 10, 1e-12)
     assert len(found.readings) == SAMPLES and len(found.phi) == 2
     torch.testing.assert_close(found.phi, exact.phi, rtol=1e-3, atol=1e-3)
+
+
+def test_at_the_deadline_the_fit_ends_with_the_start_it_has(swing: Swing) -> None:
+    recorded = noisy(swing.clean((-5.0, 6.0), (), ()), SIGMA, seed=1)
+    objective = swing.objective(("k",), recorded, SIGMA, 1.0)
+    found = fit_first_window(replace(objective, deadline=Deadline(0.0)), recorded.std(dim=0))
+    assert found.jacobians == 0 and not found.phi.any()
+    assert len(found.readings) == SAMPLES

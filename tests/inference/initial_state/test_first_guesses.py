@@ -11,8 +11,10 @@ import pytest
 import torch
 from torch import Tensor
 
+from dashred.core.budget import Deadline, OutOfTimeError
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
+from dashred.inference.initial_state.ensemble_filter import FilterSettings, ensemble_filter
 from dashred.inference.initial_state.first_guesses import (
     FirstGuessSettings,
     NetworkEstimate,
@@ -81,6 +83,28 @@ def test_a_diverged_filter_gives_no_first_guess(make_oscillator: Callable[[], Sy
     readings = record(system, states[0], (Sensor("s", "x"),), 0.02)
     guesses = first_guesses(system, start, wild, (growth,), readings, None, SETTINGS)
     assert list(guesses) == ["prior", "blue"]
+
+
+def test_at_the_deadline_there_is_the_prior_alone(tmp_path: Path) -> None:
+    system = linear_system(tmp_path)
+    members = ensemble(system, 8)
+    readings = record(system, members.states[0], SENSORS, 0.05)
+    over = Deadline(0.0)
+    guesses = first_guesses(system, prior(system), members, (), readings, None, SETTINGS, over)
+    assert list(guesses) == ["prior"]
+    with pytest.raises(OutOfTimeError):
+        ensemble_filter(
+            system,
+            members.states[:, 0],
+            None,
+            (),
+            readings.times,
+            readings.values,
+            readings.operator,
+            readings.noise,
+            FilterSettings(),
+            over,
+        )
 
 
 def test_a_linear_start_is_affine_and_checks_its_shapes() -> None:

@@ -30,6 +30,7 @@ from dashred.pipeline.discovery.segments.relinearisation import about_fitted_par
 from dashred.pipeline.discovery.segments.segment_search import STAGE
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
+from dashred.pipeline.simulation.numerical_error import numerical_error, sufficient_step
 from dashred.pipeline.simulation.segmented_record import can_restart
 
 # Laws that are reported, and how far from the best.
@@ -55,6 +56,8 @@ def search_in_segments(
         return problem, None
     with stage(STAGE, seconds) as report, np.errstate(all="ignore"):
         problem, found = _search_about_parameters(problem, nominal)
+        if found is not None:
+            problem, found = _search_with_own_step(problem, nominal, found)
         if found is None:
             report(1.0, "no set of terms could be fitted")
         else:
@@ -79,6 +82,27 @@ def _search_about_parameters(
             break
         searched, found = again, better
     return searched, found
+
+
+def _search_with_own_step(
+    problem: Problem, nominal: NominalRun, found: SegmentSearch
+) -> tuple[Problem, SegmentSearch]:
+    """Search again with a shorter time step if the law needs one, and the step was not stated.
+
+    The step was chosen for the simulation without the law.
+    """
+    stated = problem.config.system.integrator.dt is not None
+    if stated or problem.deadline(STAGE).is_over:
+        return problem, found
+    law = law_from_segments(found, found.best)
+    noise = segment_noise(found, fit_noise(problem)).std[: len(problem.split.fit.names)]
+    error = numerical_error(problem, law, noise)
+    dt = sufficient_step(problem, law, noise) if error is not None and error > 1 else None
+    if dt is None:
+        return problem, found
+    finer = problem.with_step(dt, f"then {dt:.6g}, which the law needs")
+    searched, better = _search_about_parameters(finer, nominal)
+    return (problem, found) if better is None else (searched, better)
 
 
 def with_few_terms(found: SegmentSearch) -> SegmentSearch:

@@ -13,7 +13,12 @@ from torch import Tensor
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import Law
 from dashred.physics.system import System
-from dashred.pipeline.verification.numerical_error import CHECKED_SHARE, MAX_ERROR, numerical_error
+from dashred.pipeline.simulation.numerical_error import (
+    CHECKED_SHARE,
+    MAX_ERROR,
+    numerical_error,
+    sufficient_step,
+)
 from tests import laws
 
 TEXT = """
@@ -64,10 +69,32 @@ def test_it_is_the_methods_own_in_the_worst_sample_of_the_beginning(tmp_path, st
     )
 
 
-def test_of_a_run_that_blows_up_it_is_the_largest_number(tmp_path) -> None:
+def test_a_law_that_diverges_at_any_resolution_has_none(tmp_path) -> None:
     system = laws.declared(tmp_path, TEXT)
     law = from_start(1e300, torch.tensor([9e3], dtype=torch.float64), system)
+    assert numerical_error(problem(system), law, SIGMA) is None
+    assert sufficient_step(problem(system), law, SIGMA) is None
+
+
+def test_of_a_run_that_diverges_at_its_own_step_alone_it_is_the_largest_number(tmp_path) -> None:
+    # rk4 is stable for rates up to 2.79/dt: 5.57 at the step of 0.5, 11.1 at half of it.
+    system = laws.declared(tmp_path, TEXT)
+    law = from_start(1e300, torch.tensor([-9.0], dtype=torch.float64), system)
     assert numerical_error(problem(system), law, SIGMA) == MAX_ERROR
+
+
+def test_the_longest_step_that_suffices_is_told(tmp_path) -> None:
+    system = laws.declared(tmp_path, TEXT)
+    law = from_start(6.0, torch.tensor([-1.2], dtype=torch.float64), system)
+    whole = problem(system)
+    error = numerical_error(whole, law, SIGMA)
+    assert error is not None and error > 1
+    dt = sufficient_step(whole, law, SIGMA)
+    assert dt in (0.25, 0.125)
+    whole.system = system.with_step(dt)
+    assert numerical_error(whole, law, SIGMA) <= 1
+    whole.system = system.with_step(2 * dt)
+    assert numerical_error(whole, law, SIGMA) > 1
 
 
 def test_of_several_episodes_the_worst_one_tells(tmp_path) -> None:
