@@ -47,7 +47,9 @@ def _snapshot_hint() -> str:
 
 def _instantiate(name: str, place: str) -> Any:
     try:
-        simulator = load(name)()
+        simulator = load(name, place)()
+    except InputError:
+        raise
     except Exception as error:  # user code may raise any exception
         raise _class_error(name, error, place) from error
     if not callable(getattr(simulator, "tendency", None)):

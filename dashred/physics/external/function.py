@@ -133,7 +133,9 @@ def _last(name: str, values: Any) -> Any:
 
 def _imported(name: str, place: str) -> Function:
     try:
-        function = load(name)
+        function = load(name, place)
+    except InputError:
+        raise
     except Exception as error:  # user code may raise any exception
         hint = "its module must be in the current folder, or installed"
         what = f"{name} cannot be imported: {last_words(error)}"

@@ -8,16 +8,20 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from dashred.physics.external.trust import check_trusted
+
 # Code of libraries and of dashred: an error is reported at the user's own line that led there.
 OTHERS = ("site-packages", "dist-packages", "lib/python", "<frozen", str(Path(__file__).parents[2]))
 
 
-def load(name: str) -> Any:
+def load(name: str, place: str) -> Any:
     """Import ``MODULE.ATTRIBUTE``, also from the current folder.
 
     Raises:
+        InputError: this process was not told to trust it.
         Exception: whatever the user's module raises.
     """
+    check_trusted(name, place)
     module, _, attribute = name.rpartition(".")
     here = str(Path.cwd())
     if here not in sys.path:
