@@ -34,8 +34,12 @@ SMALLEST = 1e-12
 
 
 def states_time_step(system: System) -> bool:
-    """Return whether the configuration gives a time step, or needs none."""
-    return not math.isnan(system.dt) or system.config.snapshots is not None
+    """Return whether the configuration gives a time step, or needs none.
+
+    An adaptive method has no step. The analysis has fixed steps in its place.
+    """
+    is_fixed = system.with_fixed_steps() is system
+    return (is_fixed and not math.isnan(system.dt)) or system.config.snapshots is not None
 
 
 @torch.no_grad()
@@ -43,6 +47,9 @@ def with_time_step(
     system: System, recording: Recording, noise: np.ndarray, limit: float, deadline: Deadline
 ) -> tuple[System, str]:
     """Return a system with a time step, and one clause on how it was chosen.
+
+    Fixed steps of ``rk4`` take the place of an adaptive method. They have exact derivatives, and
+    they are compiled: an adaptive method takes many times as long.
 
     Args:
         system: the simulator, driven by the inputs of the recording.
@@ -57,13 +64,16 @@ def with_time_step(
     times = torch.from_numpy(recording.times)
     interval = float((times[1:] - times[:-1]).median())
     allowed = _allowed_change(recording, noise, limit, bool(system.axes))
+    fixed = system.with_fixed_steps()
+    of = "" if fixed is system else f" of {fixed.method} in place of {system.method}"
     steps = [interval / 2**halvings for halvings in range(MAX_HALVINGS + 1)]
     tried = steps[0]
     try:
-        for coarse, fine in pairwise(map(system.with_step, steps)):
+        for coarse, fine in pairwise(map(fixed.with_step, steps)):
             tried = coarse.dt
             if _change(coarse, fine, recording, allowed, deadline) <= 1:
-                return coarse, f"time step: {tried:.6g}, chosen for an error far below the noise"
+                why = f"time step: {tried:.6g}{of}, chosen for an error far below the noise"
+                return coarse, why
         reason = ""
     except OutOfTimeError:
         reason = ", and the budget gives no more time to choose"
