@@ -58,8 +58,8 @@ def prepare(source: Source, *, folder: Path) -> Source:
     values = _coerce(written_out(source.values), Settings, "", where)
     for key in PATHS:
         settled = store_root if key == "tracking.root" else absolute_path
-        _edit(values, key, partial(settled, folder=folder, where=where(key)))
-    _edit(values, COMMAND, partial(absolute_words, folder=folder, where=where(COMMAND)))
+        _edit(values, key, str, partial(settled, folder=folder, where=where(key)))
+    _edit(values, COMMAND, list, partial(absolute_words, folder=folder, where=where(COMMAND)))
     return Source(values, source.lines)
 
 
@@ -291,10 +291,10 @@ def _type_error(value: Any, kind: Any, key: str, where: Where) -> InputError:
     return InputError(f"{key} must be {describe_kind(kind)}; got {got}", where=where(key))
 
 
-def _edit(values: dict[str, Any], key: str, change: Callable[[Any], Any]) -> None:
-    """Change one text, or list of texts, in a nested dict, if it exists."""
+def _edit(values: dict[str, Any], key: str, kind: type, change: Callable[[Any], Any]) -> None:
+    """Change one value in a nested dict, if it exists and is of this kind."""
     *sections, name = key.split(".")
     for section in sections:
         values = values.get(section) or {}
-    if isinstance(values.get(name), str | list):
+    if isinstance(values.get(name), kind):
         values[name] = change(values[name])

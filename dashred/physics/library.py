@@ -10,6 +10,7 @@ from torch import Tensor
 
 from dashred.core.errors import InputError
 from dashred.physics.backends.torch_backend import Program
+from dashred.physics.boundaries.spatial_order import conditions_needed
 from dashred.physics.expressions import algebra
 from dashred.physics.grids.grid_value import Value
 from dashred.physics.system import System, Term
@@ -38,6 +39,15 @@ def build_library(system: System, listed: Mapping[str, Sequence[str]] | None) ->
         for text in texts:
             key = f"library.{equation}"
             expr = algebra.split_coefficient(system.parse(text, key, equation=equation))[1]
+            if not _has_enough_conditions(system, equation, expr):
+                if named:
+                    raise InputError(
+                        f"{text!r} needs more conditions at the ends than {equation} has",
+                        where=system.where(key),
+                        hint="remove it: conditions for each side are for second derivatives, of a "
+                        "field with derivatives in its equation",
+                    )
+                continue
             if expr in seen:
                 raise InputError(
                     f"{seen[expr]!r} and {text!r} are the same term up to a factor",
@@ -47,6 +57,15 @@ def build_library(system: System, listed: Mapping[str, Sequence[str]] | None) ->
             seen[expr] = text
             library.append(Term(equation, expr))
     return library
+
+
+def _has_enough_conditions(system: System, equation: str, term: algebra.Expr) -> bool:
+    """Return whether the conditions at the ends suffice for an equation with one more term."""
+    if not system.has_conditions:
+        return True
+    axes = tuple(system.config.axes)
+    own = conditions_needed(system.resolved[equation], equation, axes)
+    return conditions_needed(system.without_lets(term), equation, axes) <= (2 if own else 0)
 
 
 def equations_with_candidates(system: System) -> list[str]:

@@ -129,6 +129,13 @@ class System(Declaration):
         integrator = dataclasses.replace(self.config.integrator, dt=dt)
         return self.with_config(dataclasses.replace(self.config, integrator=integrator))
 
+    def with_fixed_steps(self) -> System:
+        """Return the system with ``rk4`` in place of an adaptive method, else the system."""
+        if self.axes or self.tableau is not None:
+            return self
+        integrator = dataclasses.replace(self.config.integrator, method="rk4")
+        return self.with_config(dataclasses.replace(self.config, integrator=integrator))
+
     def with_terms(self, terms: Sequence[tuple[Term, float]]) -> System:
         """Return the system with terms added to its equations or lets, as text.
 

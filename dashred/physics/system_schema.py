@@ -68,8 +68,9 @@ class Integrator:
     method: str | None
     """Time stepper; null takes the default. A system with axes has ``etdrk4`` (spectral, and finite
     volumes for an axis with a condition for each side) or ``ssprk3`` (finite differences). An ODE
-    has ``rk4``, ``midpoint``, ``euler``, or the adaptive ``dopri5``, ``dopri8`` and ``bosh3``; with
-    the adaptive methods a run takes many times as long."""
+    has ``rk4``, ``midpoint``, ``euler``, or the adaptive ``dopri5``, ``dopri8`` and ``bosh3``. An
+    analysis has fixed steps of ``rk4`` in place of an adaptive method, short enough for the noise
+    of the recording."""
 
     dt: Time | None
     """Largest time step. Null chooses it from a recording: half of it changes the readings over

@@ -338,7 +338,8 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
         driven = with_inputs(system, longest_fit.inputs)
         limit, end = config.resolution_limit, budget.deadline(ENDS["simulate"])
         chosen, why = with_time_step(driven, longest_fit, std, limit, end)
-        system, clock = system.with_step(chosen.dt), _with_clause(clock, why)
+        system = system.with_fixed_steps().with_step(chosen.dt)
+        clock = _with_clause(clock, why)
     stated = {name: system.config.parameters[name] for name in system.config.parameter_spread}
     problems = [
         Problem(

@@ -39,8 +39,12 @@ SMALLEST = 1e-12
 
 
 def states_time_step(system: System) -> bool:
-    """Return whether the configuration gives a time step, or needs none."""
-    return not math.isnan(system.dt) or system.config.snapshots is not None
+    """Return whether the configuration gives a time step, or needs none.
+
+    An adaptive method has no step. The analysis has fixed steps in its place.
+    """
+    is_fixed = system.with_fixed_steps() is system
+    return (is_fixed and not math.isnan(system.dt)) or system.config.snapshots is not None
 
 
 @torch.no_grad()
@@ -48,6 +52,9 @@ def with_time_step(
     system: System, recording: Recording, noise: np.ndarray, limit: float, deadline: Deadline
 ) -> tuple[System, str]:
     """Return a system with a time step, and one clause on how it was chosen.
+
+    Fixed steps of ``rk4`` take the place of an adaptive method. They have exact derivatives, and
+    they are compiled: an adaptive method takes many times as long.
 
     Args:
         system: the simulator, driven by the inputs of the recording.
@@ -63,16 +70,17 @@ def with_time_step(
     interval = float((times[1:] - times[:-1]).median())
     splits = system.program is not None
     allowed = _allowed_change(recording, noise, limit, bool(system.axes), splits)
+    fixed = system.with_fixed_steps()
+    of = "" if fixed is system else f" of {fixed.method} in place of {system.method}"
     steps = [interval / 2**halvings for halvings in range(MAX_HALVINGS + 1)]
     tried = steps[0]
-    probed = system if system.program is None else _with_probe(system.with_step(interval), times)
+    probed = _with_probe(fixed.with_step(interval), times) if splits else fixed
     try:
         for coarse, fine in pairwise(map(probed.with_step, steps)):
             tried = coarse.dt
             if _change(coarse, fine, recording, allowed, deadline) <= 1:
-                return system.with_step(
-                    tried
-                ), f"time step: {tried:.6g}, chosen for an error far below the noise"
+                why = f"time step: {tried:.6g}{of}, chosen for an error far below the noise"
+                return fixed.with_step(tried), why
         reason = ""
     except OutOfTimeError:
         reason = ", and the budget gives no more time to choose"

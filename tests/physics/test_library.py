@@ -220,3 +220,21 @@ def test_sines_of_angles_alone(make_system):
     """)
     sines = {text for text in default_terms(system) if text.startswith("sin(")}
     assert {text for text in sines if "2" not in text} == {"sin(a)", "sin(o)", "sin(p)"}
+
+
+def test_terms_need_no_more_conditions_than_there_are(make_system):
+    text = """
+axes: {x: {length: 1, points: 10, ends: {left: {c: {value: 1}}, right: {c: outflow}}}}
+fields: {c: tracer, w: film}
+equations: {c: "-d(c, x)", w: c}
+start: {c: 1, w: 0}
+integrator: {dt: 0.1}
+"""
+    system = make_system(text)
+    library = {(term.equation, str(term)) for term in build_library(system, None)}
+    assert ("c", "d(c, x, 2)") in library
+    assert ("c", "d(w, x)") in library
+    assert ("c", "d(c, x, 3)") not in library
+    assert not {text for equation, text in library if equation == "w" and "d(w" in text}
+    with pytest.raises(InputError, match="more conditions at the ends than c has"):
+        build_library(system, {"c": ["d(c, x, 4)"]})

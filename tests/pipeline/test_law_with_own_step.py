@@ -22,7 +22,7 @@ system:
   equations: {x: v, v: -x - 0.1*v}
   start: {x: 3, v: 0}
   spread: {x: 0.5, v: 0.5}
-  integrator: {dt: null}
+  integrator: {dt: 0.2}
 library: {v: ["1", x, v, x**3, v**3, x*v]}
 recording: {path: recording.csv}
 """

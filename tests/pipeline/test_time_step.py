@@ -190,3 +190,15 @@ def test_a_stated_step_that_is_too_long_for_an_ode_system_is_halved(tmp_path: Pa
     assert simulated.problem.system.dt == 0.25
     assert "time step: 0.25, half of the stated one" in simulated.problem.clock
     assert simulated.resolution.resolved and simulated.segments is not None
+
+
+def test_fixed_steps_take_the_place_of_an_adaptive_method(tmp_path: Path) -> None:
+    frame = recorded(2.0)
+    adaptive = van_der_pol(2.0, integrator={"method": "dopri5", "dt": 0.05})
+    problem = problem_of(tmp_path, adaptive, frame)
+    fixed = problem_of(tmp_path, van_der_pol(2.0), frame)
+    assert problem.system.method == "rk4"
+    assert problem.system.dt == fixed.system.dt
+    assert f"{problem.system.dt:.6g} of rk4 in place of dopri5" in problem.clock
+    assert problem.config.system.integrator.method == "dopri5"
+    assert "in place" not in fixed.clock

@@ -29,6 +29,7 @@ FEW, MANY_STEPS = 8, 500
 # compilation takes SECONDS and SECONDS_PER_TERM for each term. All numbers are measured.
 WORK_PER_SECOND, SECONDS, SECONDS_PER_TERM = 3e6, 1.5, 0.08
 Progress = Callable[[float], None]
+Tendency = Callable[[Tensor, float], Tensor]
 OVERRUN_STEPS = 200
 
 
@@ -83,7 +84,7 @@ def simulate(
         explicit = GridTendency(system, forcing, sampled_forcing)
         states = _integrate_fixed(explicit, system.tableau, start, times.tolist(), system.dt)
     else:
-        return _integrate_adaptive(system, start, times, forcing, sampled_forcing)
+        return _integrate_adaptive(system, start, times, forcing, sampled_forcing, progress)
     saved = []
     for index, state in enumerate(states):
         saved.append(state)
@@ -180,12 +181,24 @@ def _integrate_adaptive(
     times: Tensor,
     forcing: Forcing | None,
     sampled_forcing: SampledForcing | None,
+    progress: Progress | None,
 ) -> Tensor:
     if len(times) == 1:
         return start[:, None]
     tendency = GridTendency(system, forcing, sampled_forcing)
+    begin, span = float(times[0]), float(times[-1] - times[0])
+
+    def reported(state: Tensor, t: float) -> Tensor:
+        if progress is not None:
+            # Of an unknown number of steps; it is not done before the last one.
+            progress(min(0.99, (t - begin) / span))
+        return tendency(state, t)
+
     try:
-        return _adaptive(tendency, start, times)
+        found = _adaptive(system, reported, start, times)
+        if progress is not None:
+            progress(1.0)
+        return found
     except FloatingPointError:
         # One trajectory blows up: integrate each on its own, so that the others are not lost.
         trajectories = []
@@ -196,8 +209,7 @@ def _integrate_adaptive(
         return torch.cat(trajectories)
 
 
-def _adaptive(tendency: GridTendency, start: Tensor, times: Tensor) -> Tensor:
-    system = tendency.system
+def _adaptive(system: System, tendency: Tendency, start: Tensor, times: Tensor) -> Tensor:
     integrator = system.config.integrator
     tolerances = integrator.rtol, integrator.atol
     path = integrate_adaptive(tendency, start, times, system.method, *tolerances)
@@ -208,7 +220,7 @@ def _until_blow_up(tendency: GridTendency, start: Tensor, times: Tensor) -> Tens
     path = [start]
     for interval in times.unfold(0, 2, 1):
         try:
-            path.append(_adaptive(tendency, path[-1], interval)[:, -1])
+            path.append(_adaptive(tendency.system, tendency, path[-1], interval)[:, -1])
         except FloatingPointError:
             path.append(_integrate_past_blow_up(tendency, path[-1], interval))
             break

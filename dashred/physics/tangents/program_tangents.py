@@ -63,7 +63,7 @@ def tangent_program(
     """
     flow, first = ProgramFlow(system), len(directions)
     parts = forcing, sources, first, sampled_forcing, forcing_basis
-    added: HalfStep = GridColumns(system, *parts) if system.axes else _OdeColumns(system, *parts)
+    added: HalfStep = _GridColumns(system, *parts) if system.axes else _OdeColumns(system, *parts)
     columns = torch.zeros((added.count, *start.shape), dtype=torch.float64)
     columns[:first] = directions
     state, reach = start, torch.cat([start[None], directions]).abs()
@@ -146,7 +146,7 @@ def carry(
     return ends[0], moved
 
 
-class GridColumns:
+class _GridColumns:
     """The half step of fields: differences of the flow, and the sources in its middle.
 
     Args:

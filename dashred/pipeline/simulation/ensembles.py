@@ -69,6 +69,9 @@ def simulate_corrected_ensemble(
         law: the correction.
         states: fitted states of each episode, ``(time, field)``.
         seconds: run time by stage, updated.
+
+    Raises:
+        OutOfTimeError: the time for SHRED is over.
     """
     rng = problem.rng("ensemble")
     pool = torch.cat(list(states))
@@ -80,7 +83,8 @@ def simulate_corrected_ensemble(
         for index, (episode, times, members, _) in enumerate(shares):
             system = build_corrected_system(episode.ensemble_system, law)
             starts = pool[torch.from_numpy(rng.integers(len(pool), size=members))]
-            runs = simulate(system, starts, times)
+            timed = within(problem.deadline("train SHRED"), report)
+            runs = simulate(system, starts, times, progress=timed)
             lost = ~(torch.isfinite(runs) & (runs > low - width) & (runs < high + width)).all(
                 2
             ).all(1)

@@ -9,6 +9,7 @@ import pytest
 import torch
 from scipy.special import ellipj, ellipk
 
+from dashred.core.budget import OutOfTimeError
 from dashred.core.errors import InputError
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.simulate import simulate
@@ -66,3 +67,18 @@ def test_the_default_method_is_the_one_that_is_compiled(make_system):
 def test_an_integrator_of_another_kind_is_refused(make_system):
     with pytest.raises(InputError, match="'etdrk4' does not fit this system"):
         pendulum(make_system, dt=0.1, method="etdrk4")
+
+
+def test_a_run_with_an_adaptive_method_can_be_ended(make_system):
+    system = pendulum(make_system, dt=0.1, method="dopri5")
+    told = []
+
+    def progress(done):
+        told.append(done)
+        if done > 0.3:
+            raise OutOfTimeError
+
+    with pytest.raises(OutOfTimeError):
+        simulate(system, nominal_start(system), torch.from_numpy(TIMES), progress=progress)
+    assert told[0] == 0.0
+    assert told[-1] < 0.5
