@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 from scipy.integrate import solve_ivp
 
 from dashred.config import load_config
@@ -22,13 +23,14 @@ system:
   equations: {x: v, v: -x - 0.1*v}
   start: {x: 3, v: 0}
   spread: {x: 0.5, v: 0.5}
-  integrator: {dt: 0.2}
+  integrator: {dt: null}
 library: {v: ["1", x, v, x**3, v**3, x*v]}
 recording: {path: recording.csv}
 """
-CUBIC, NOISE = -3.0, 0.002
+CUBIC, NOISE = -10.0, 0.002
 
 
+@pytest.mark.slow
 def test_a_law_faster_than_the_simulation_is_searched_with_a_shorter_step(tmp_path: Path) -> None:
     times = np.arange(0, 20, 0.4)
     found = solve_ivp(

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 import xarray as xr
+from omegaconf import OmegaConf
 
 from dashred import config as schema
 from dashred.evaluation.twins.window_kinds import TrueWindow, WindowKind, region_kind, window_kind
@@ -179,7 +180,7 @@ def _expression(system: System, equation: str, text: str, coefficient: float) ->
 def system_of(findings: Mapping[str, Any]) -> System:
     """Rebuild the simulator from the configuration in the findings."""
     plain = findings["input"]["config"]["system"]
-    axes = {name: schema.Axis(**axis) for name, axis in plain["axes"].items()}
-    integrator = schema.Integrator(**plain["integrator"])
-    built = schema.System(**plain | {"axes": axes, "integrator": integrator})
+    sections = OmegaConf.merge(OmegaConf.structured(schema.System), plain)
+    built = OmegaConf.to_object(sections)
+    assert isinstance(built, schema.System)
     return System(built, lambda _: "findings.json")
