@@ -27,9 +27,9 @@ from dashred.physics.tendency_size import tendency_size
 
 # Allowed change of a reading in units of σ, and the least σ as a share of a trace's std.
 NOISE_SHARE, LEAST_NOISE = 1 / 20, 0.01
-# Size of the terms that probe the error of splitting, as a share of the tendency. The error is a
-# share of the law, and imitates no other: it may be larger by a factor.
-PROBE, SPLITTING = 0.05, 4.0
+# Size of the terms that probe the error of splitting, as a share of the tendency; and the factor by
+# which this error may be larger, because it is a share of the law.
+PROBE, SPLITTING = 0.05, 5.0
 # The step is at least the sampling interval divided by 2 to this power.
 MAX_HALVINGS = 12
 # Number of segments over the record.
@@ -116,7 +116,7 @@ def _allowed_change(
     std = recording.trace_std()
     count = max(1.0, len(recording.times) / SAMPLES)
     by_noise = NOISE_SHARE * np.maximum(noise, LEAST_NOISE * std)
-    if not has_axes:
+    if splits or not has_axes:
         by_noise = by_noise / count
     if splits:
         by_noise = by_noise * SPLITTING
