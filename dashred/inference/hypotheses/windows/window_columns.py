@@ -100,7 +100,8 @@ def _build_gates(system: System, states: Tensor) -> list[Window]:
             if min(abs(far - threshold) for threshold in thresholds) > MIN_DISTANCE * step:
                 thresholds.append(far)
         width = math.log((high - low) / THRESHOLDS / 2)
-        gates += [gate(name, 1).at((threshold, width)) for threshold in sorted(thresholds)]
+        shape = gate(name, 1, system.reflection.value(name))
+        gates += [shape.at((threshold, width)) for threshold in sorted(thresholds)]
     return gates
 
 
@@ -119,7 +120,8 @@ def combine_pieces(
             if shape in axes:
                 yield from ((j, *run) for run in _combine_cells(shape, axes[shape], columns))
             else:
-                yield from ((j, *run) for run in _combine_edges(problem, shape, columns, values, j))
+                edges = _combine_edges(problem, system, shape, columns, values, j)
+                yield from ((j, *run) for run in edges)
 
 
 def _combine_cells(
@@ -138,6 +140,7 @@ def _combine_cells(
 
 def _combine_edges(
     problem: ProfiledProblem,
+    system: System,
     shape: Shape,
     columns: Sequence[int],
     values: dict[int, tuple[float, ...]],
@@ -153,7 +156,7 @@ def _combine_edges(
     sides: list[tuple[Shape, list[dict[int, float]]]] = [(shape, [{c: 1.0} for c in columns])]
     if shape.kind == "gate above":
         below = [{candidate: 1.0, c: -1.0} for c in columns]
-        sides.append((gate(shape.of, -1), below))
+        sides.append((gate(shape.of, -1, system.reflection.value(shape.of)), below))
     for side, weights in sides:
         edges = list(zip((values[c] for c in columns), weights, strict=True))
         for place, weight in edges:
