@@ -29,7 +29,7 @@ from dashred.physics.tendency_size import tendency_size
 NOISE_SHARE, LEAST_NOISE = 1 / 20, 0.01
 # Size of the terms that probe the error of splitting, as a share of the tendency; and the factor by
 # which this error may be larger, because it is a share of the law.
-PROBE, SPLITTING = 0.05, 5.0
+PROBE, SPLITTING = 0.2, 4.0
 # The step is at least the sampling interval divided by 2 to this power.
 MAX_HALVINGS = 12
 # Number of segments over the record.
