@@ -21,9 +21,9 @@ from dashred.data.recording import Recording
 from dashred.inference.segments.segments import SAMPLES
 from dashred.physics.expressions.algebra import Name
 from dashred.physics.runs.initial_state_prior import nominal_start
+from dashred.physics.runs.tendency_size import tendency_size
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
-from dashred.physics.tendency_size import tendency_size
 
 # Allowed change of a reading in units of σ, and the least σ as a share of a trace's std.
 NOISE_SHARE, LEAST_NOISE = 1 / 20, 0.01

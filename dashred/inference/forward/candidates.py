@@ -18,9 +18,9 @@ from dashred.physics.grids.spectral import Spectral
 from dashred.physics.let_terms import resolved_let_term
 from dashred.physics.library import COLLINEARITY_TOLERANCE, evaluate_terms, resolve
 from dashred.physics.parameter_sensitivity import parameter_tendency
+from dashred.physics.runs.tendency_size import tendency_size
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
-from dashred.physics.tendency_size import tendency_size
 from dashred.physics.window import Window
 
 

@@ -26,8 +26,8 @@ from dashred.inference.results.regime import active_states
 from dashred.inference.results.source_of_law import source_of_discovery
 from dashred.physics.expressions import algebra
 from dashred.physics.library import evaluate_terms
+from dashred.physics.runs.tendency_size import tendency_size
 from dashred.physics.system import System
-from dashred.physics.tendency_size import tendency_size
 
 # Largest number of points of the profile in time.
 LONGEST_PROFILE = 200

@@ -13,10 +13,10 @@ from torch import Tensor
 from dashred.core.budget import OutOfTimeError
 from dashred.core.errors import InputError
 from dashred.physics.library import evaluate_terms, resolve
+from dashred.physics.runs.tendency_size import tendency_size
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import Progress, simulate
 from dashred.physics.system import System, Term
-from dashred.physics.tendency_size import tendency_size
 
 MAX_ROUNDS = 20
 # Give up if, after this many rounds, less than this share of the members has been found.

@@ -21,7 +21,7 @@ from dashred.inference.hypotheses.extended.extended_library import build_extende
 from dashred.inference.hypotheses.free_forcing import fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN, MIN_FORCING_GAIN
-from dashred.physics.tendency_size import tendency_size
+from dashred.physics.runs.tendency_size import tendency_size
 from dashred.physics.window import window_shapes
 from dashred.pipeline.discovery.first_guess_stage import FittedGuess
 from dashred.pipeline.discovery.least_squares import exact_simulator, fit_noise

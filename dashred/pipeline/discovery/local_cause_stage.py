@@ -29,7 +29,7 @@ from dashred.inference.hypotheses.sources.find_source import FoundSource, refit_
 from dashred.inference.hypotheses.sources.source_law import fit_source_law
 from dashred.inference.hypotheses.terms_everywhere import best_terms_everywhere
 from dashred.inference.hypotheses.windows.early_window import find_early_window
-from dashred.physics.tendency_size import tendency_size
+from dashred.physics.runs.tendency_size import tendency_size
 from dashred.pipeline.discovery.first_guess_stage import FittedGuess
 from dashred.pipeline.discovery.hypothesis_stage import (
     compare_local_cause,

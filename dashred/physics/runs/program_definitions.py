@@ -8,8 +8,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from dashred.physics.runs.tendency_size import program_rates
 from dashred.physics.system import System
-from dashred.physics.tendency_size import program_rates
 
 # Allowed deviation of a rate from a multiple of another field, as a share of its rms. A rate comes
 # from a difference over a short time, during which the other field changes.

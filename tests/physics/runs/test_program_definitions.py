@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import torch
 
-from dashred.physics.program_definitions import program_definitions
 from dashred.physics.runs.initial_state_prior import nominal_start
+from dashred.physics.runs.program_definitions import program_definitions
+from dashred.physics.runs.tendency_size import program_rates, tendency_size
 from dashred.physics.solvers.simulate import simulate
-from dashred.physics.tendency_size import program_rates, tendency_size
 
 TEXT = """
     fields: {x: place, v: velocity}
