@@ -27,9 +27,7 @@ SOURCE = "documentation/corrected.c"
 XML = "modelDescription.xml"
 
 
-def write_corrected_fmu(
-    path: Path, description: Description, correction: Correction, told: str
-) -> None:
+def write_fmu(path: Path, description: Description, correction: Correction, told: str) -> None:
     """Write the FMU atomically; the same arguments give the same contents.
 
     Args:
@@ -49,7 +47,10 @@ def write_corrected_fmu(
     interface = about.modelExchange if description.kind == MODEL_EXCHANGE else about.coSimulation
     identifier = interface.modelIdentifier
     suffix = fmpy.sharedLibraryExtension
-    with ZipFile(description.path) as original, TemporaryDirectory(prefix="dashred-fmu-") as scratch:
+    with (
+        ZipFile(description.path) as original,
+        TemporaryDirectory(prefix="dashred-fmu-") as scratch,
+    ):
         members = original.namelist()
         folder = _binaries(members, f"{identifier}{suffix}")
         new = re.sub(r"\W", "_", f"{identifier}_corrected", flags=re.ASCII)

@@ -19,15 +19,28 @@ OWN = {
 }
 # Functions whose answers would not know the law, or that would lose the time.
 REFUSED = {
-    2: (
-        "GetFMUstate SetFMUstate FreeFMUstate SerializedFMUstateSize SerializeFMUstate "
-        "DeSerializeFMUstate GetDirectionalDerivative SetRealInputDerivatives "
-        "GetRealOutputDerivatives"
-    ).split(),
-    3: (
-        "GetFMUState SetFMUState FreeFMUState SerializedFMUStateSize SerializeFMUState "
-        "DeserializeFMUState GetDirectionalDerivative GetAdjointDerivative GetOutputDerivatives"
-    ).split(),
+    2: [
+        "GetFMUstate",
+        "SetFMUstate",
+        "FreeFMUstate",
+        "SerializedFMUstateSize",
+        "SerializeFMUstate",
+        "DeSerializeFMUstate",
+        "GetDirectionalDerivative",
+        "SetRealInputDerivatives",
+        "GetRealOutputDerivatives",
+    ],
+    3: [
+        "GetFMUState",
+        "SetFMUState",
+        "FreeFMUState",
+        "SerializedFMUStateSize",
+        "SerializeFMUState",
+        "DeserializeFMUState",
+        "GetDirectionalDerivative",
+        "GetAdjointDerivative",
+        "GetOutputDerivatives",
+    ],
 }
 
 
@@ -57,7 +70,9 @@ def read_functions(version: int) -> list[FmiFunction]:
     """Return the functions of ``FMI version`` that return a status."""
     text = (headers() / f"fmi{version}FunctionTypes.h").read_text(encoding="utf-8")
     pattern = rf"typedef\s+fmi{version}Status\s+fmi{version}(\w+)TYPE\s*\(([^)]*)\)"
-    return [_function(name, parameters.split(",")) for name, parameters in re.findall(pattern, text)]
+    return [
+        _function(name, parameters.split(",")) for name, parameters in re.findall(pattern, text)
+    ]
 
 
 def _function(name: str, parameters: list[str]) -> FmiFunction:
