@@ -65,9 +65,10 @@ def write_corrected_fmu(
         return ""
     description = describe_fmu(system.config, system.where("system.simulator.fmu"))
     correction = Correction(added, corrected.config.parameters, corrected.dt)
-    words = f"Corrected by dashred: {law_text(terms_of_law(system, law), system)}. {remark}"
+    told = law_text(terms_of_law(system, law), system)
+    words = f"Corrected by dashred. {told} {remark}".strip()
     try:
-        write_fmu(path, description, correction, words.strip())
+        write_fmu(path, description, correction, words)
         _check(path, description, corrected, runs)
     except NotPossibleError as error:
         path.unlink(missing_ok=True)

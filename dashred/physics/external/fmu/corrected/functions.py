@@ -19,7 +19,7 @@ OWN = {
 }
 # Functions whose answers would not know the law, or that would lose the time.
 REFUSED = {
-    2: [
+    2: (
         "GetFMUstate",
         "SetFMUstate",
         "FreeFMUstate",
@@ -29,8 +29,8 @@ REFUSED = {
         "GetDirectionalDerivative",
         "SetRealInputDerivatives",
         "GetRealOutputDerivatives",
-    ],
-    3: [
+    ),
+    3: (
         "GetFMUState",
         "SetFMUState",
         "FreeFMUState",
@@ -40,7 +40,7 @@ REFUSED = {
         "GetDirectionalDerivative",
         "GetAdjointDerivative",
         "GetOutputDerivatives",
-    ],
+    ),
 }
 
 
@@ -78,10 +78,10 @@ def read_functions(version: int) -> list[FmiFunction]:
 def _function(name: str, parameters: list[str]) -> FmiFunction:
     # The first parameter is the instance. Some have no name: "fmi2Byte[]".
     written, arguments = ["void *c"], ["((Model *)c)->own"]
-    for index, parameter in enumerate(parameters[1:], 1):
-        kind, brackets = re.fullmatch(r"(.*?\S)\s*(\[\])?", parameter.strip(), re.DOTALL).groups()
-        found = re.fullmatch(r"(.*[\s*])(\w+)", kind, re.DOTALL)
-        own = f"p{index}"
-        written.append(f"{found[1] if found else kind + ' '}{own}{brackets or ''}")
-        arguments.append(own)
+    for index, parameter in enumerate(map(str.strip, parameters[1:]), 1):
+        whole = parameter.removesuffix("[]").rstrip()
+        found = re.fullmatch(r"(.*[\s*])\w+", whole, re.DOTALL)
+        brackets = "[]" if parameter.endswith("[]") else ""
+        written.append(f"{found[1] if found else f'{whole} '}p{index}{brackets}")
+        arguments.append(f"p{index}")
     return FmiFunction(name, " ".join(", ".join(written).split()), ", ".join(arguments))
