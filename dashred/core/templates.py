@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 
 # These templates are not escaped. All others are HTML, in which values from a configuration or a
 # recording must not become markup.
-UNESCAPED = ("md.j2", "yaml.j2")
+UNESCAPED = ("md.j2", "yaml.j2", "c.j2")
 
 
 @cache

@@ -6,11 +6,15 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from dashred.config import load_config
+from dashred.physics.external.fmu.corrected.archive import write_fmu
+from dashred.physics.external.fmu.corrected.library import Correction
+from dashred.physics.external.program import describe_fmu
 from dashred.physics.external.protocol import Program
 from dashred.physics.system import System
 from tests.conftest import CHECKOUT
@@ -23,7 +27,7 @@ FUNCTION, NETCDF, TEXT, FMU = snippets(PAGE, "yaml")
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    step, run, solver = snippets(PAGE, "python")
+    step, run, solver, _ = snippets(PAGE, "python")
     (tmp_path / "mypkg.py").write_text(f"{step}\n{run}")
     (tmp_path / "solver.py").write_text(solver)
     monkeypatch.chdir(tmp_path)
@@ -90,3 +94,17 @@ def test_the_fmu_steps(folder: Path) -> None:
     w = np.sqrt(4 - 0.05**2)
     exact = np.exp(-0.05 * 0.05) * (np.cos(0.05 * w) + 0.05 / w * np.sin(0.05 * w))
     np.testing.assert_allclose(found[0, 0], exact, atol=1e-9)
+
+
+def test_the_corrected_fmu_runs(folder: Path) -> None:
+    build(folder, 2).rename("oscillator.fmu")
+    system, _ = opened(FMU, "oscillator.fmu")
+    # It takes the damping away, and half of the spring.
+    law = {"x": "0", "v": "c*v + k/2*x"}
+    parsed = {name: system.parse(text, f"system.equations.{name}") for name, text in law.items()}
+    correction = Correction(parsed, system.config.parameters, system.dt)
+    write_fmu(Path("corrected.fmu"), describe_fmu(system.config, ""), correction, "")
+    scope: dict[str, Any] = {}
+    exec(snippets(PAGE, "python")[-1], scope)
+    found = scope["result"]
+    np.testing.assert_allclose(found["x"], np.cos(np.sqrt(3.5 / 2) * found["time"]), atol=1e-3)

@@ -10,7 +10,8 @@ import numpy as np
 from dashred.physics.external.adapter import Adapter
 from dashred.physics.external.command.command import open_command
 from dashred.physics.external.command.layout import Layout
-from dashred.physics.external.fmu.fmu import open_fmu
+from dashred.physics.external.fmu.description import Description, read_description
+from dashred.physics.external.fmu.fmu import FmuAdapter
 from dashred.physics.external.function import open_function, open_run
 from dashred.physics.external.partial import PartialProgram
 from dashred.physics.external.protocol import Program
@@ -61,18 +62,37 @@ def _adapter(config: System, fields: tuple[str, ...], key: str, grid: Grid, plac
         limit = simulator.time_limit
         return open_command(simulator.command, simulator.template, limit, layout, place)
     if simulator.fmu is not None:
-        others, interface = _names_of_fmu(config), simulator.interface
-        return open_fmu(simulator.fmu, fields, others, simulator.variables, interface, place)
+        return FmuAdapter(describe_fmu(config, place), fields, place)
     if simulator.function is not None:
         return open_function(simulator.function, fields, place)
     assert simulator.run is not None
     return open_run(simulator.run, fields, place)
 
 
-def _names_of_fmu(config: System) -> list[str]:
-    """Return the parameters and inputs that an FMU must have: all but those of the law alone."""
-    texts = " ".join(repr(part) for part in (config.equations, config.let, config.energy))
-    own = set(re.findall(r"[A-Za-z]\w*", texts))
+def describe_fmu(config: System, place: str) -> Description:
+    """Return the description of a system's FMU.
+
+    It must have all parameters and inputs, but those that the equations beside it read. Of these it
+    gets the ones that it has.
+
+    Args:
+        config: of the system, with ``simulator.fmu``.
+        place: location of this key.
+
+    Raises:
+        InputError: see :func:`.fmu.description.read_description`.
+    """
     simulator = config.simulator
-    named = set() if simulator is None else set(simulator.variables)
-    return [n for n in (*config.parameters, *config.inputs) if n in named or n not in own]
+    assert simulator is not None and simulator.fmu is not None
+    texts = " ".join(repr(part) for part in (config.equations, config.let, config.energy))
+    own = set(re.findall(r"[A-Za-z]\w*", texts)) - simulator.variables.keys()
+    names = (*config.parameters, *config.inputs)
+    return read_description(
+        simulator.fmu,
+        stepped_fields(config),
+        [name for name in names if name not in own],
+        simulator.variables,
+        simulator.interface,
+        place,
+        [name for name in names if name in own],
+    )

@@ -45,6 +45,8 @@ RECORDING_KEYS = (
     "average",
     "calibration",
 )
+# Paths of a program, which were relative to the user's file.
+PROGRAM_PATHS = {"fmu", "template", "command"}
 WIDTH = 96
 NO_TERM = "With the fitted parameters, the recording shows no missing term."
 
@@ -63,8 +65,9 @@ def write_corrected(
     It contains the keys of the user's file and command line, with the equations, lets and
     parameters of :func:`dashred.inference.results.corrected_system.build_corrected_system`.
     Uncertain parameters have their fitted values, without a spread. The defaults stay in
-    ``conf/base.yaml``. It contains no path, so it runs in any folder. The remark is part of its
-    header. A hidden state of the law is one more field, and begins at its fitted start.
+    ``conf/base.yaml``. It contains no path but that of a program, which is absolute, so it runs in
+    any folder. The remark is part of its header. A hidden state of the law is one more field, and
+    begins at its fitted start.
     """
     values = _user_values(config)
     found = hidden_state(system, law, hidden)
@@ -74,7 +77,14 @@ def write_corrected(
     if hidden is not None and found is not None:
         for key, value in _sections_of(corrected, hidden, found).items():
             _put(values, ["system", key, hidden.name], value)
-    values["system"]["equations"] = _Block(corrected.config.equations)
+    equations = corrected.config.equations
+    simulator = config.system.simulator
+    if simulator is not None:
+        # What is not stated is added to no field of a program.
+        equations = {name: text for name, text in equations.items() if text != "0"}
+        for key in PROGRAM_PATHS & values["system"]["simulator"].keys():
+            values["system"]["simulator"][key] = getattr(simulator, key)
+    values["system"]["equations"] = _Block(equations)
     # Lets and parameters that were added for the sensors belong to the recording.
     stated = config.system
     if lets := {n: text for n, text in corrected.config.let.items() if n in stated.let}:

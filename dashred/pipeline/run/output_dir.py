@@ -23,6 +23,7 @@ RESULTS = (
     "estimates.nc",
     "forecast.nc",
     "corrected.yaml",
+    "corrected.fmu",
     "report.html",
     "run.json",
     "summary.txt",

@@ -40,6 +40,8 @@ from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
 from dashred.pipeline.outputs.corrected_config import write_corrected
+from dashred.pipeline.outputs.corrected_fmu import NAME as FMU
+from dashred.pipeline.outputs.corrected_fmu import write_corrected_fmu
 from dashred.pipeline.outputs.field_files import episodes_dataset
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.numerical_error import numerical_error, sufficient_step
@@ -193,6 +195,10 @@ def write_findings(problem: Problem, analysis: Analysis, findings: Findings, out
         sha256 = problem.recording_sha256
         remark = UNCONFIRMED if findings["verdict"] == "unconfirmed" else ""
         hidden = problem.hidden
+        told = write_corrected_fmu(output / FMU, problem, law, analysis.trajectories, remark)
+        if (output / FMU).is_file():
+            others.append(FMU)
+        remark = " ".join(filter(None, (remark, told)))
         path = output / CORRECTED
         write_corrected(path, problem.config, problem.system, law, sha256, remark, hidden)
         others.append(CORRECTED)

@@ -50,6 +50,7 @@ def read_description(
     variables: Mapping[str, str],
     interface: str | None,
     place: str,
+    optional: Iterable[str] = (),
 ) -> Description:
     """Read the description of an FMU and find its variables.
 
@@ -61,6 +62,7 @@ def read_description(
         interface: ``model-exchange`` or ``co-simulation``; None takes the first one if the FMU has
             both, because its states can be set at any time.
         place: location of its key.
+        optional: further parameters and inputs, which the FMU may have.
 
     Raises:
         InputError: it is no FMU, is for another platform or another version, lacks a variable, or
@@ -116,9 +118,14 @@ def read_description(
             what = f"{name}: {variable.name} cannot be set: its initial value is {variable.initial}"
             raise InputError(what, where=place, hint="choose variables with initial exact")
     order = _order_of_states(description, found, kind, name, place)
-    return Description(
-        Path(path), description, kind, found, order, {each: variable_of(each) for each in others}
-    )
+    given = {each: variable_of(each) for each in others}
+    given |= {each: known[each] for each in optional if each in known and _is_given(known[each])}
+    return Description(Path(path), description, kind, found, order, given)
+
+
+def _is_given(variable: Any) -> bool:
+    """Whether a variable gets its value from outside."""
+    return variable.causality in ("parameter", "input")
 
 
 def _order_of_states(

@@ -14,7 +14,6 @@ from dashred.physics.external.fmu.description import (
     MODEL_EXCHANGE,
     SETTABLE,
     Description,
-    read_description,
 )
 from dashred.physics.external.fmu.instance import Instance
 from dashred.physics.external.fmu.integration import integrate, longest_step
@@ -107,20 +106,3 @@ class FmuAdapter:
         if self._longest is None:
             self._longest = longest_step(run, dt)
         return run(max(1, math.ceil(dt / self._longest * (1 - 1e-9))))
-
-
-def open_fmu(
-    path: str,
-    fields: Sequence[str],
-    others: Sequence[str],
-    variables: Mapping[str, str],
-    interface: str | None,
-    place: str,
-) -> FmuAdapter:
-    """Read an FMU; its code runs from the first step on.
-
-    Raises:
-        InputError: as in :func:`read_description`.
-    """
-    description = read_description(path, fields, others, variables, interface, place)
-    return FmuAdapter(description, fields, place)

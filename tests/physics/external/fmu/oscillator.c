@@ -50,6 +50,11 @@ static int set_integers(Model *m, const unsigned *vr, size_t n, const int *value
     return 0;
 }
 
+static int get_integers(Model *m, const unsigned *vr, size_t n, int *x) {
+    for (size_t i = 0; i < n; i++) x[i] = (int)m->value[vr[i]];
+    return 0;
+}
+
 static int set_time(Model *m, double t) { m->value[TIME] = t; return 0; }
 
 static int set_states(Model *m, const double *x, size_t n) {
@@ -67,6 +72,8 @@ static int get_slopes(Model *m, double *x, size_t n) {
     x[0] = m->value[DX], x[1] = m->value[DV];
     return 0;
 }
+
+static int get_nominals(Model *m, double *x, size_t n) { x[0] = x[1] = 1; return 0; }
 
 static int get_indicators(Model *m, double *z, size_t n) {
     if (n) z[0] = m->value[X] + 0.5;
@@ -120,9 +127,13 @@ int fmi2GetReal(Model *m, const unsigned *vr, size_t n, double *x) { return get(
 int fmi2SetInteger(Model *m, const unsigned *vr, size_t n, const int *x) {
     return set_integers(m, vr, n, x);
 }
+int fmi2GetInteger(Model *m, const unsigned *vr, size_t n, int *x) {
+    return get_integers(m, vr, n, x);
+}
 int fmi2SetTime(Model *m, double t) { return set_time(m, t); }
 int fmi2SetContinuousStates(Model *m, const double *x, size_t n) { return set_states(m, x, n); }
 int fmi2GetContinuousStates(Model *m, double *x, size_t n) { return get_states(m, x, n); }
+int fmi2GetNominalsOfContinuousStates(Model *m, double *x, size_t n) { return get_nominals(m, x, n); }
 int fmi2GetDerivatives(Model *m, double *x, size_t n) { return get_slopes(m, x, n); }
 int fmi2GetEventIndicators(Model *m, double *z, size_t n) { return get_indicators(m, z, n); }
 int fmi2EnterEventMode(Model *m) { bounce(m); return 0; }
@@ -132,6 +143,7 @@ int fmi2CompletedIntegratorStep(Model *m, int keeps, int *event, int *ends) {
     *event = *ends = 0;
     return 0;
 }
+int fmi2Terminate(Model *m) { return 0; }
 int fmi2DoStep(Model *m, double t, double dt, int keeps) { return do_step(m, t, dt); }
 #else
 void *fmi3InstantiateModelExchange(const char *name, const char *token, const char *path,
@@ -159,9 +171,13 @@ int fmi3GetFloat64(Model *m, const unsigned *vr, size_t n, double *x, size_t siz
 int fmi3SetInt32(Model *m, const unsigned *vr, size_t n, const int *x, size_t size) {
     return set_integers(m, vr, n, x);
 }
+int fmi3GetInt32(Model *m, const unsigned *vr, size_t n, int *x, size_t size) {
+    return get_integers(m, vr, n, x);
+}
 int fmi3SetTime(Model *m, double t) { return set_time(m, t); }
 int fmi3SetContinuousStates(Model *m, const double *x, size_t n) { return set_states(m, x, n); }
 int fmi3GetContinuousStates(Model *m, double *x, size_t n) { return get_states(m, x, n); }
+int fmi3GetNominalsOfContinuousStates(Model *m, double *x, size_t n) { return get_nominals(m, x, n); }
 int fmi3GetContinuousStateDerivatives(Model *m, double *x, size_t n) { return get_slopes(m, x, n); }
 int fmi3GetNumberOfEventIndicators(Model *m, size_t *n) { *n = EVENTS; return 0; }
 int fmi3GetEventIndicators(Model *m, double *z, size_t n) { return get_indicators(m, z, n); }
@@ -176,6 +192,7 @@ int fmi3CompletedIntegratorStep(Model *m, bool keeps, bool *event, bool *ends) {
     *event = *ends = false;
     return 0;
 }
+int fmi3Terminate(Model *m) { return 0; }
 int fmi3DoStep(Model *m, double t, double dt, bool keeps, bool *event, bool *ends, bool *early,
                double *last) {
     *event = *ends = *early = false, *last = t + dt;

@@ -11,7 +11,8 @@ import pytest
 from scipy.linalg import expm
 
 from dashred.core.errors import InputError
-from dashred.physics.external.fmu.fmu import open_fmu
+from dashred.physics.external.fmu.description import read_description
+from dashred.physics.external.fmu.fmu import FmuAdapter
 from dashred.physics.external.stepped import SteppedProgram
 from dashred.physics.grids.grid import Grid
 from tests.physics.external.fmu.build import build
@@ -24,7 +25,8 @@ STATES = np.array([[1.0, 0.0], [0.3, -2.0], [-0.2, 1.0]])
 
 def opened(path: Path, fields: str = "x v", others: str = "k c n f", **over: Any) -> SteppedProgram:
     given = {"variables": VARIABLES, "interface": None, "place": PLACE} | over
-    adapter = open_fmu(str(path), tuple(fields.split()), others.split(), **given)
+    description = read_description(str(path), fields.split(), others.split(), **given)
+    adapter = FmuAdapter(description, fields.split(), PLACE)
     return SteppedProgram(adapter, Grid(()), keep=False)
 
 
