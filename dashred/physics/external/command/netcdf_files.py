@@ -24,7 +24,7 @@ MOST_FILES = 8
 
 
 class InputWriter:
-    """Writes inputs. To fill in a copy of an earlier file takes a tenth of the time of a new one."""
+    """Writes inputs. A copy of an earlier file that is filled in takes a tenth of a new one."""
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
@@ -33,7 +33,7 @@ class InputWriter:
 
     def write(self, path: Path, batch: StateBatch) -> None:
         """Write the states of a batch ``(batch, field, *grid)``, with t, dt and inputs."""
-        import h5py
+        import h5py  # type: ignore[import-untyped]
 
         earlier = self._files.get(len(batch))
         if earlier is None:
