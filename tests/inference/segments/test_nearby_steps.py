@@ -28,6 +28,7 @@ class Counted:
     states: list[int] = field(default_factory=list)
 
     def seconds_of(self, count: int) -> float:
+        """See :class:`Program`."""
         return count * self.seconds
 
     def step(
@@ -38,6 +39,7 @@ class Counted:
         inputs: Mapping[str, Array],
         parameters: Mapping[str, float],
     ) -> Array:
+        """See :class:`Program`."""
         self.states.append(len(states))
         named = {"theta": states[:, 0], "omega": states[:, 1]}
         found = pendulum(named, t, dt, inputs, parameters)
