@@ -36,13 +36,14 @@ from dashred.pipeline.run.parent_run import open_parent
 from dashred.pipeline.run.run_manifest import manifest_of, remove_checkpoints
 from dashred.pipeline.run.run_tags import log_input, log_result
 from dashred.pipeline.simulation.ensembles import (
+    ensemble_of_states,
     simulate_corrected_ensemble,
     simulate_ensemble,
     simulate_nudged_ensemble,
 )
 from dashred.pipeline.simulation.longer_step import with_longer_step
 from dashred.pipeline.simulation.nominal_run import NominalRun, simulate_nominal
-from dashred.pipeline.simulation.program_cost import takes_too_long
+from dashred.pipeline.simulation.program_cost import follows_segments
 from dashred.pipeline.simulation.resolution_check import check_corrected, check_discretisation
 from dashred.pipeline.simulation.state_samples import state_samples
 from dashred.pipeline.verification import verification as verify
@@ -130,6 +131,9 @@ def _training_ensemble(
                 problem.budget.leave_out("training SHRED on the simulator without the law")
             law = law_from_segments(segments, segments.best)
             states = states_by_sample(segments, segments.best)
+            if follows_segments(problem):
+                problem.budget.leave_out("training SHRED on any simulation")
+                return ensemble_of_states(problem, states)
             return simulate_corrected_ensemble(problem, law, states, seconds)
         if nominal.restarted and isinstance(error, InputError):
             return simulate_nudged_ensemble(problem, nominal, seconds)
@@ -228,7 +232,7 @@ def _discover_law(
         nominal.restarted
         or is_chaotic(segments)
         or has_sensor_errors(segments)
-        or takes_too_long(problem)
+        or follows_segments(problem)
     ):
         with run.child("discover") as child:
             return discover_in_segments(problem, segments, child, seconds)

@@ -40,7 +40,7 @@ from dashred.physics.parameter_sensitivity import parameters_read
 from dashred.physics.system import System, Term
 from dashred.pipeline.read_recorded import read_recorded
 from dashred.pipeline.readings_of_state import fitted_count, readings_of_state
-from dashred.pipeline.time_shares import ENDS, begin_budget
+from dashred.pipeline.time_shares import ENDS, ENDS_OF_SEGMENTS, begin_budget, ends_of
 from dashred.pipeline.time_step import states_time_step, with_time_step
 
 # Lower bound of the noise σ, as a share of the std of a trace, before the residuals give an
@@ -104,11 +104,12 @@ class Problem:
     described: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     def deadline(self, stage: str) -> Deadline:
-        """Return the time at which a stage ends (:data:`.time_shares.ENDS`).
+        """Return the time at which a stage ends (:mod:`.time_shares`).
 
         A stage that is not part of an analysis may take the whole time.
         """
-        return self.budget.deadline(ENDS.get(stage, 1.0))
+        ends = ends_of(self.system, self.times, self.budget)
+        return self.budget.deadline(ends.get(stage, 1.0))
 
     def without_budget(self) -> Problem:
         """Return the problem with as much time as its analysis takes."""
@@ -336,7 +337,8 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
         longest_fit = max((split.fit for split in splits[:fitted]), key=lambda fit: len(fit.times))
         std = np.array([noise[name] for name in longest_fit.names])
         driven = with_inputs(system, longest_fit.inputs)
-        limit, end = config.resolution_limit, budget.deadline(ENDS["simulate"])
+        ends = ENDS if system.axes or system.program is None else ENDS_OF_SEGMENTS
+        limit, end = config.resolution_limit, budget.deadline(ends["simulate"])
         chosen, why = with_time_step(driven, longest_fit, std, limit, end)
         system = system.with_fixed_steps().with_step(chosen.dt)
         clock = _with_clause(clock, why)

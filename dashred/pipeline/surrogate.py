@@ -29,6 +29,7 @@ from dashred.pipeline.assimilation import sensor_data
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.ensembles import join_ensembles, split_members
 from dashred.pipeline.simulation.nominal_run import NominalRun
+from dashred.pipeline.simulation.program_cost import check_time
 from dashred.pipeline.simulation.time_limit import within
 from dashred.pipeline.training import TrainedNetwork, train_shred
 from dashred.pipeline.trajectories import Trajectories
@@ -92,7 +93,7 @@ def _corrected_ensemble(
     settings, starts = problem.config.surrogate, law.start
     corrected = [free, *free.others]
     deadline = problem.deadline("corrected ensemble")
-    deadline.check()
+    check_time(problem, settings.members, "corrected ensemble")
     with stage("corrected ensemble", seconds) as report:
         progress = within(deadline, report)
         drawn = []

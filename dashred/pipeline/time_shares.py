@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+from torch import Tensor
+
 from dashred.config import Config
 from dashred.core.budget import Budget
+from dashred.physics.solvers.schedule import round_up
+from dashred.physics.system import System
 
 # Seconds that an analysis may take, by the number of axes.
 DEFAULT_SECONDS = (300.0, 300.0, 600.0)
@@ -24,6 +30,38 @@ ENDS = {
     "train corrected SHRED": 0.93,
     "draw figures": 0.97,
 }
+
+# The same for an expensive program without axes, whose law comes from segments alone.
+ENDS_OF_SEGMENTS = ENDS | {
+    "simulate": 0.35,
+    "search over segments": 0.75,
+    "simulate the ensemble": 0.77,
+    "train SHRED": 0.79,
+    "assimilate": 0.8,
+}
+# Simulations of the record that a fit of one trajectory takes, its derivatives included, and the
+# share of the budget that they may take.
+SIMULATIONS, SHARE = 200, 0.5
+
+
+def calls_per_simulation(system: System, times: Tensor) -> int:
+    """Return the number of calls of a program in a simulation at times ``(time,)``."""
+    intervals = (times[1:] - times[:-1]).tolist()
+    return sum(max(1, round_up(interval / system.dt)) for interval in intervals)
+
+
+def takes_too_long(system: System, times: Tensor, budget: Budget) -> bool:
+    """Return whether a program takes too long for a fit of one trajectory over the record."""
+    if system.program is None:
+        return False
+    seconds = SIMULATIONS * calls_per_simulation(system, times) * system.program.seconds
+    return seconds > SHARE * budget.seconds
+
+
+def ends_of(system: System, times: Tensor, budget: Budget) -> Mapping[str, float]:
+    """Return the share of the whole time after which each stage ends."""
+    alone = not system.axes and takes_too_long(system, times, budget)
+    return ENDS_OF_SEGMENTS if alone else ENDS
 
 
 def begin_budget(config: Config) -> Budget:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dashred.inference.segments.segments import Array
 from dashred.physics.external.protocol import Program
@@ -57,25 +58,52 @@ class ProgramStep:
             inputs: in the middle of the step, ``(segment,)`` each.
         """
         count, fields = x.shape
-        size = np.where(np.isfinite(x), np.abs(x), 0.0)
-        reach = np.maximum(size.max(axis=0), SMALLEST * max(1.0, float(size.max())))
+        reach = reach_of(x)
         about, slopes = self._known.get(step, (np.full_like(x, np.nan), np.empty((0,))))
         if len(about) != count:
             about = np.full_like(x, np.nan)
         new = np.flatnonzero(~(np.abs(x - about) < NEAR * reach).all(axis=1))
-        small = self.program.rounding**0.5 * reach
-        moved = x[new] + small[:, None, None] * np.eye(fields)[:, None, :]
-        whole = np.concatenate([x, moved.reshape(-1, fields)])
-
-        def each(values: Array) -> Array:
-            return np.concatenate([values, np.tile(values[new], fields)])
-
-        named = {name: each(values) for name, values in inputs.items()}
-        ends = self.advance(whole, each(t), each(h), named)
-        after, others = ends[:count], ends[count:].reshape(fields, len(new), fields)
         jacobian = slopes.copy() if slopes.shape[0] == count else np.empty((count, fields, fields))
-        jacobian[new] = np.moveaxis((others - after[new]) / small[:, None, None], 0, -1)
+        after, jacobian[new] = self.differentiate(x, reach, new, t, h, inputs)
         about = about.copy()
         about[new] = x[new]
         self._known[step] = about, jacobian
         return after, jacobian
+
+    def differentiate(
+        self,
+        x: Array,
+        reach: Array,
+        rows: NDArray[np.intp],
+        t: Array,
+        h: Array,
+        inputs: Mapping[str, Array],
+    ) -> tuple[Array, Array]:
+        """Return the states after a step, and the Jacobians of some, ``(row, field, field)``.
+
+        Args:
+            x: ``(segment, field)``.
+            reach: size of each field, ``(field,)``.
+            rows: segments whose Jacobians are computed.
+            t: as in :meth:`linearise`, and so are the others.
+            h: step.
+            inputs: in the middle of the step.
+        """
+        count, fields = x.shape
+        small = self.program.rounding**0.5 * reach
+        moved = x[rows] + small[:, None, None] * np.eye(fields)[:, None, :]
+        whole = np.concatenate([x, moved.reshape(-1, fields)])
+
+        def each(values: Array) -> Array:
+            return np.concatenate([values, np.tile(values[rows], fields)])
+
+        named = {name: each(values) for name, values in inputs.items()}
+        ends = self.advance(whole, each(t), each(h), named)
+        after, others = ends[:count], ends[count:].reshape(fields, len(rows), fields)
+        return after, np.moveaxis((others - after[rows]) / small[:, None, None], 0, -1)
+
+
+def reach_of(x: Array) -> Array:
+    """Return the largest value of each field, ``(field,)``, of states ``(segment, field)``."""
+    size = np.where(np.isfinite(x), np.abs(x), 0.0)
+    return np.maximum(size.max(axis=0), SMALLEST * max(1.0, float(size.max())))

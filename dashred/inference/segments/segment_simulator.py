@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.segments.program_step import ProgramStep
+from dashred.inference.segments.nearby_steps import step_of
 from dashred.inference.segments.segments import Array, Segments
 from dashred.inference.segments.tendency import Tendency
 from dashred.physics.runge_kutta import CLASSICAL, Tableau
@@ -45,7 +45,7 @@ class SegmentSimulator:
         self.fields = len(systems[0].fields)
         self.tableau = systems[0].tableau or FALLBACK
         program, known = systems[0].program, systems[0].config.parameters
-        self.program = None if program is None else ProgramStep(program, known)
+        self.program = None if program is None else step_of(program, known)
         # Runge-Kutta steps from one sample to the next.
         self._parts = substeps if program is None else HALVES * substeps
         intervals = np.diff(segments.times, axis=1)

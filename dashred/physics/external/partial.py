@@ -30,6 +30,10 @@ class PartialProgram:
         """See :class:`.protocol.Program`."""
         return self.program.seconds
 
+    def seconds_of(self, count: int) -> float:
+        """See :meth:`.protocol.Program.seconds_of`."""
+        return self.program.seconds_of(count)
+
     @property
     def sha256(self) -> str:
         """See :class:`.protocol.Program`."""

@@ -18,8 +18,8 @@ Array = NDArray[np.float64]
 class Program(Protocol):
     """A program that advances states.
 
-    The first call of :meth:`step` examines it: ``seconds`` is known after that, and ``rounding`` is
-    that of single precision until then.
+    The first call of :meth:`step` examines it. Until then ``seconds`` is 0, and ``rounding`` is
+    that of single precision.
     """
 
     @property
@@ -29,6 +29,9 @@ class Program(Protocol):
     @property
     def seconds(self) -> float:
         """Duration of one call with one state."""
+
+    def seconds_of(self, count: int) -> float:
+        """Return the duration of one step of so many states."""
 
     @property
     def sha256(self) -> str:

@@ -65,7 +65,13 @@ class SteppedProgram:
     @property
     def seconds(self) -> float:
         """See :class:`dashred.physics.external.protocol.Program`."""
-        return self.conduct.seconds
+        return 0.0 if self._conduct is None else self._conduct.seconds
+
+    def seconds_of(self, count: int) -> float:
+        """See :meth:`dashred.physics.external.protocol.Program.seconds_of`."""
+        if self.conduct.many:
+            return self.seconds
+        return self.seconds * -(-count // (thread_count() if self._adapter.parallel else 1))
 
     def step(
         self,

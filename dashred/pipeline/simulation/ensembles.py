@@ -15,13 +15,20 @@ from dashred.physics.solvers.simulate import simulate
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.simulation.nudging import nudged_ensemble
+from dashred.pipeline.simulation.program_cost import check_time
 from dashred.pipeline.simulation.time_limit import within
 
 
 @torch.no_grad()
 def simulate_ensemble(problem: Problem, nominal: NominalRun, seconds: dict[str, float]) -> Ensemble:
-    """Draw the simulations on which SHRED is trained, over the fit window."""
+    """Draw the simulations on which SHRED is trained, over the fit window.
+
+    Raises:
+        InputError: too few stay within bounds.
+        OutOfTimeError: there is no time for them.
+    """
     settings = problem.config.simulation
+    check_time(problem, settings.members, "simulate the ensemble")
     count = len(problem.split.fit.times)
     discrepancies = None
     if settings.discrepancy:
@@ -92,6 +99,24 @@ def simulate_corrected_ensemble(
             runs[lost] = own[torch.arange(len(times)) % len(own)]
             drawn.append(Ensemble(times, runs, torch.zeros((members, len(problem.library)))))
         report(1.0, "members of the corrected simulator")
+    return join_ensembles(drawn)
+
+
+def ensemble_of_states(problem: Problem, states: Sequence[Tensor]) -> Ensemble:
+    """Return an ensemble without any simulation, for a program that takes too long.
+
+    Args:
+        problem: the recording.
+        states: fitted states of each episode, ``(time, field)``: all its members.
+    """
+    elapsed = problem.times[: len(problem.split.fit.times)]
+    drawn = []
+    for index, (_, times, members, _) in enumerate(
+        split_members(problem, problem.config.simulation.members)
+    ):
+        own = states[index][torch.arange(len(elapsed)) % len(states[index])]
+        runs = own.expand(members, *own.shape).clone()
+        drawn.append(Ensemble(times, runs, torch.zeros((members, len(problem.library)))))
     return join_ensembles(drawn)
 
 

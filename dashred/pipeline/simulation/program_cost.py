@@ -1,30 +1,39 @@
-"""What the calls of a program cost."""
+"""Whether there is time for the simulations of a program."""
 
 from __future__ import annotations
 
-import math
+import time
 
-from dashred.physics.solvers.schedule import round_up
+from dashred.core.budget import OutOfTimeError
 from dashred.pipeline.problem import Problem
+from dashred.pipeline.time_shares import calls_per_simulation, takes_too_long
 
-# Simulations of the record that a fit of one trajectory takes, its derivatives included.
-SIMULATIONS = 200
-# Share of the budget that they may take.
-SHARE = 0.5
-
-
-def calls_per_simulation(problem: Problem) -> int:
-    """Return the number of calls of the program in a simulation of the longest episode."""
-    intervals = (problem.times[1:] - problem.times[:-1]).tolist()
-    return sum(max(1, round_up(interval / problem.system.dt)) for interval in intervals)
+# The duration of a call is known within this factor.
+UNCERTAINTY = 2.0
 
 
-def takes_too_long(problem: Problem) -> bool:
+def follows_segments(problem: Problem) -> bool:
     """Return whether a program takes too long for a fit of one trajectory.
 
     Its steps follow each other. Over segments those of all segments are side by side.
     """
-    program, limit = problem.system.program, problem.budget.seconds
-    if program is None or not math.isfinite(limit):
-        return False
-    return SIMULATIONS * calls_per_simulation(problem) * program.seconds > SHARE * limit
+    return takes_too_long(problem.system, problem.times, problem.budget)
+
+
+def check_time(problem: Problem, members: int, stage: str) -> None:
+    """Raise an error if there is no time for an ensemble, before it begins.
+
+    Args:
+        problem: equations, or a program.
+        members: of the ensemble.
+        stage: in which it is simulated.
+
+    Raises:
+        OutOfTimeError: the simulations of a program would end after the stage, or it is over.
+    """
+    system, seconds = problem.ensemble_system, 0.0
+    if system.program is not None:
+        calls = calls_per_simulation(system, problem.times)
+        seconds = calls * system.program.seconds_of(members) / UNCERTAINTY
+    if time.monotonic() + seconds > problem.deadline(stage).at:
+        raise OutOfTimeError

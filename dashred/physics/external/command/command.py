@@ -52,6 +52,7 @@ class CommandAdapter:
         """
         self._words, self._template, self._files = tuple(words), template, tuple(files)
         self._seconds, self._layout = seconds, layout
+        self._writer = netcdf_files.InputWriter(layout)
         # Seconds for a state in the first call.
         self._each = 0.0
         self.fields, self.place = layout.fields, place
@@ -74,7 +75,7 @@ class CommandAdapter:
             kind = "nc" if self._template is None else "txt"
             given, result = folder / f"input.{kind}", folder / f"output.{kind}"
             if self._template is None:
-                netcdf_files.write_input(given, batch, layout)
+                self._writer.write(given, batch)
             else:
                 text_files.write_input(given, batch, layout, self._template)
             words = [w.replace(INPUT, str(given)).replace(OUTPUT, str(result)) for w in self._words]

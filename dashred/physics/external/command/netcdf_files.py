@@ -19,22 +19,52 @@ from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
 
 # Names of the file's own dimension and variables, which no field and no input can have.
 OWN_NAMES = ("member", "t", "dt")
+# Number of earlier files that are held.
+MOST_FILES = 8
 
 
-def write_input(path: Path, batch: StateBatch, layout: Layout) -> None:
-    """Write the states of a batch ``(batch, field, *grid)``, with t, dt and inputs."""
-    import xarray as xr
+class InputWriter:
+    """Writes inputs. A copy of an earlier file that is filled in takes a tenth of a new one."""
 
-    dims = ("member", *layout.axes)
-    variables = {
-        name: (dims, batch.states[:, index], _units(name, layout))
-        for index, name in enumerate(layout.fields)
-    }
-    for name, values in {"t": batch.t, "dt": batch.dt, **batch.inputs}.items():
-        variables[name] = (("member",), values, _units("t" if name == "dt" else name, layout))
-    coords = {name: ((name,), x, _units(name, layout)) for name, x in layout.axes.items()}
-    attributes = {name: float(value) for name, value in batch.parameters.items()}
-    xr.Dataset(variables, coords, attributes).to_netcdf(path, engine="h5netcdf")
+    def __init__(self, layout: Layout) -> None:
+        self._layout = layout
+        # A file by number of states.
+        self._files: dict[int, bytes] = {}
+
+    def write(self, path: Path, batch: StateBatch) -> None:
+        """Write the states of a batch ``(batch, field, *grid)``, with t, dt and inputs."""
+        import h5py  # type: ignore[import-untyped]
+
+        earlier = self._files.get(len(batch))
+        if earlier is None:
+            self._write_new(path, batch)
+            if len(self._files) == MOST_FILES:
+                self._files.clear()
+            self._files[len(batch)] = path.read_bytes()
+            return
+        path.write_bytes(earlier)
+        with h5py.File(path, "r+") as file:
+            for index, name in enumerate(self._layout.fields):
+                file[name][...] = batch.states[:, index]
+            for name, values in _clocks(batch).items():
+                file[name][...] = values
+            for name, value in batch.parameters.items():
+                file.attrs[name] = float(value)
+
+    def _write_new(self, path: Path, batch: StateBatch) -> None:
+        import xarray as xr
+
+        layout = self._layout
+        dims = ("member", *layout.axes)
+        variables = {
+            name: (dims, batch.states[:, index], _units(name, layout))
+            for index, name in enumerate(layout.fields)
+        }
+        for name, values in _clocks(batch).items():
+            variables[name] = (("member",), values, _units("t" if name == "dt" else name, layout))
+        coords = {name: ((name,), x, _units(name, layout)) for name, x in layout.axes.items()}
+        attributes = {name: float(value) for name, value in batch.parameters.items()}
+        xr.Dataset(variables, coords, attributes).to_netcdf(path, engine="h5netcdf")
 
 
 def read_output(path: Path, members: int, layout: Layout) -> Array:
@@ -75,6 +105,10 @@ def _read_variables(path: Path, members: int, layout: Layout) -> dict[str, NDArr
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise ProgramError(f"writes an output that cannot be read: {reason}") from error
     return found
+
+
+def _clocks(batch: StateBatch) -> dict[str, Array]:
+    return {"t": batch.t, "dt": batch.dt, **batch.inputs}
 
 
 def _units(name: str, layout: Layout) -> dict[str, str]:

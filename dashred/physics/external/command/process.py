@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+import select
 import signal
 import subprocess
 import time
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from dashred.core.threads import is_given_up
@@ -63,10 +65,37 @@ def run_process(words: list[str], folder: Path, seconds: float) -> None:
 def _wait(process: subprocess.Popen[bytes], seconds: float) -> int | None:
     """Return the exit code; None if the time is over, or nobody waits for the result."""
     end = time.monotonic() + seconds
-    while (left := end - time.monotonic()) > 0 and not is_given_up():
-        with suppress(subprocess.TimeoutExpired):
-            return process.wait(min(left, GLANCE))
+    with _end_of(process) as wait:
+        while (left := end - time.monotonic()) > 0 and not is_given_up():
+            wait(min(left, GLANCE))
+            if (code := process.poll()) is not None:
+                return code
     return None
+
+
+@contextmanager
+def _end_of(process: subprocess.Popen[bytes]) -> Iterator[Callable[[float], object]]:
+    """Give a function that waits for the end of a process, or for some seconds.
+
+    ``Popen.wait`` with a limit sleeps for as long again as the process has run, which a short
+    process feels. Linux tells the end of a process at once.
+    """
+
+    def wait(seconds: float) -> None:
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(seconds)
+
+    try:
+        file = os.pidfd_open(process.pid)
+    except (AttributeError, OSError):  # not Linux, or too many open files
+        yield wait
+        return
+    try:
+        ended = select.poll()
+        ended.register(file, select.POLLIN)
+        yield lambda seconds: ended.poll(1000 * seconds)
+    finally:
+        os.close(file)
 
 
 def last_lines(folder: Path) -> str:

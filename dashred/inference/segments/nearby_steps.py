@@ -1,0 +1,132 @@
+"""Steps of an expensive program, also from those of states nearby.
+
+Near a state a whose step is known, with its Jacobian::
+
+    P(x) = P(a) + P'(a) (x - a) + O(|x - a|²)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashred.inference.segments.program_step import ProgramStep, reach_of
+from dashred.inference.segments.segments import Array
+from dashred.physics.external.protocol import Program
+
+# A program that takes longer for a state is called for fewer of them, in s.
+EXPENSIVE = 0.02
+# Its steps are used again at states that differ by less than this share of the largest value of
+# each field. The relative error of a step is about half of the square of that.
+NEAR = 0.03
+Key = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class KnownSteps:
+    """Steps at one time, with one length, inputs and parameters.
+
+    Attributes:
+        starts: a, ``(state, field)``.
+        ends: P(a), ``(state, field)``.
+        jacobians: P'(a), ``(state, field, field)``.
+    """
+
+    starts: Array
+    ends: Array
+    jacobians: Array
+
+    def joined(self, other: KnownSteps) -> KnownSteps:
+        """Return the steps of both."""
+        return KnownSteps(
+            np.concatenate([self.starts, other.starts]),
+            np.concatenate([self.ends, other.ends]),
+            np.concatenate([self.jacobians, other.jacobians]),
+        )
+
+
+# All segments of a program share its steps, whatever their lengths.
+_of_programs: WeakKeyDictionary[Program, dict[Key, KnownSteps]] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True)
+class NearbySteps:
+    """An expensive program of a system without axes; the counterpart of :class:`ProgramStep`.
+
+    Attributes:
+        exact: calls the program.
+    """
+
+    exact: ProgramStep
+    _known: dict[Key, KnownSteps] = field(repr=False)
+
+    def advance(self, x: Array, t: Array, h: Array, inputs: Mapping[str, Array]) -> Array:
+        """See :meth:`ProgramStep.advance`."""
+        ends, _, far = self._nearby(self._keys(t, h, inputs), x)
+        if far.size:
+            ends[far] = self.exact.advance(x[far], *_rows(far, t, h, inputs))
+        return ends
+
+    def linearise(
+        self, step: int, x: Array, t: Array, h: Array, inputs: Mapping[str, Array]
+    ) -> tuple[Array, Array]:
+        """See :meth:`ProgramStep.linearise`."""
+        keys = self._keys(t, h, inputs)
+        ends, jacobians, far = self._nearby(keys, x)
+        if far.size:
+            reach = reach_of(x)
+            every = np.arange(far.size)
+            new = self.exact.differentiate(x[far], reach, every, *_rows(far, t, h, inputs))
+            ends[far], jacobians[far] = new
+            self._keep([keys[row] for row in far], x[far], *new)
+        return ends, jacobians
+
+    def _keys(self, t: Array, h: Array, inputs: Mapping[str, Array]) -> list[Key]:
+        stated = [value for _, value in sorted(self.exact.parameters.items())]
+        columns = [t, h, *(values for _, values in sorted(inputs.items()))]
+        return [(*row, *stated) for row in np.stack(columns, axis=1).tolist()]
+
+    def _nearby(self, keys: list[Key], x: Array) -> tuple[Array, Array, NDArray[np.intp]]:
+        """Return ends and Jacobians from steps nearby, and the rows that have none."""
+        count, fields = x.shape
+        ends, jacobians = np.empty_like(x), np.empty((count, fields, fields))
+        reach, far = reach_of(x), []
+        for row, key in enumerate(keys):
+            known = self._known.get(key)
+            if known is None:
+                far.append(row)
+                continue
+            away = x[row] - known.starts
+            distance = np.abs(away / reach).max(axis=1)
+            nearest = int(np.argmin(distance))
+            jacobians[row] = known.jacobians[nearest]
+            ends[row] = known.ends[nearest] + jacobians[row] @ away[nearest]
+            # Written with "not", because the state may be NaN.
+            if not distance[nearest] < NEAR:
+                far.append(row)
+        return ends, jacobians, np.array(far, dtype=np.intp)
+
+    def _keep(self, keys: list[Key], x: Array, ends: Array, jacobians: Array) -> None:
+        for row, key in enumerate(keys):
+            new = KnownSteps(x[[row]], ends[[row]], jacobians[[row]])
+            if np.isfinite(new.ends).all() and np.isfinite(new.jacobians).all():
+                known = self._known.get(key)
+                self._known[key] = new if known is None else known.joined(new)
+
+
+def _rows(
+    rows: NDArray[np.intp], t: Array, h: Array, inputs: Mapping[str, Array]
+) -> tuple[Array, Array, dict[str, Array]]:
+    return t[rows], h[rows], {name: values[rows] for name, values in inputs.items()}
+
+
+def step_of(program: Program, parameters: Mapping[str, float]) -> ProgramStep | NearbySteps:
+    """Return the step of a program; before its first call it counts as cheap."""
+    exact = ProgramStep(program, parameters)
+    if program.seconds <= EXPENSIVE:
+        return exact
+    return NearbySteps(exact, _of_programs.setdefault(program, {}))
