@@ -20,6 +20,7 @@ from dashred.models.shred import SHRED, reconstruct
 from dashred.physics.runs.ensemble import term_scales
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
+from dashred.pipeline.simulation.program_cost import follows_segments
 from dashred.pipeline.training import make_trainer
 from datamodules import EpisodesDataModule, RecordingDataModule
 
@@ -126,13 +127,15 @@ def fit_transform(
         curves = RMSECurves(child, run, "assimilate")
         best, limit = BestState(METRIC, settings.gain), TimeLimit(problem.deadline("assimilate"))
         discovery = LatentDiscovery(latent, child, run)
+        # Latent SINDy simulates in every epoch.
+        proposes = not follows_segments(problem)
         trainer = make_trainer(
             problem.config,
             [
                 curves,
                 best,
                 limit,
-                discovery,
+                *([discovery] if proposes else []),
                 EarlyStopping(METRIC, patience=settings.patience),
                 StageProgress(report, METRIC, "RMSE on validation sensors"),
             ],
@@ -140,8 +143,10 @@ def fit_transform(
         )
         trainer.fit(module, data)
         module = module.cpu()
-        proposals = discovery.finish(module)
+        proposals = discovery.finish(module) if proposes else {}
         report(1.0, f"best after {best.best_epoch} epochs, RMSE {best.best:.3f} on validation")
+    if not proposes:
+        problem.budget.leave_out("latent SINDy")
     if limit.ended_at is not None:
         left_out = f"epochs {limit.ended_at + 1} to {settings.epochs} of the assimilation"
         problem.budget.leave_out(left_out)

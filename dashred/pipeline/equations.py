@@ -15,6 +15,7 @@ from dashred.inference.hypotheses.result import Discovery
 from dashred.inference.segments.findings.error_growth import is_chaotic
 from dashred.inference.segments.findings.segment_laws import law_from_segments, states_by_sample
 from dashred.inference.segments.selection.search import SegmentSearch
+from dashred.physics.external.failure import hint_of_failure
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline import assimilation, surrogate, training, trajectories
@@ -86,7 +87,10 @@ def simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
             f"the simulations take longer than their part of the budget of "
             f"{problem.budget.seconds:g} s",
             where=problem.config.where("budget"),
-            hint="give a larger budget, a coarser grid, or fewer simulation.members",
+            hint=hint_of_failure(
+                problem.system.program,
+                "give a larger budget, a coarser grid, or fewer simulation.members",
+            ),
         ) from None
 
 

@@ -20,6 +20,7 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
 from dashred.inference.segments.segments import SAMPLES
 from dashred.physics.expressions.algebra import Name
+from dashred.physics.external.failure import hint_of_failure
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.runs.tendency_size import tendency_size
 from dashred.physics.solvers.simulate import simulate
@@ -84,10 +85,11 @@ def with_time_step(
         reason = ""
     except OutOfTimeError:
         reason = ", and the budget gives no more time to choose"
+    hint = "give system.integrator.dt, or look at the signs of the equations"
     raise InputError(
         f"a time step of {tried:.3g} is still too long for the noise of the recording{reason}",
         where=system.where("system.integrator"),
-        hint="give system.integrator.dt, or look at the signs of the equations",
+        hint=hint_of_failure(system.program, hint),
     )
 
 
@@ -149,6 +151,9 @@ def _change(
     for first in known[:: max(1, len(known) // SEGMENTS)]:
         clock, state = times[first : first + SAMPLES + 1], path[first : first + 1]
         pair = [operator(simulate(system, state, clock))[0] for system in (coarse, fine)]
+        # A program that cannot step a state cannot do so with any step.
+        if coarse.program and not any(readings.isfinite().all() for readings in pair):
+            continue
         change = (pair[0] - pair[1]).square().mean(dim=0).sqrt() / allowed
         largest = max(largest, float(change.max().nan_to_num(nan=math.inf)))
     return largest

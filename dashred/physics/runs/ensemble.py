@@ -12,6 +12,7 @@ from torch import Tensor
 
 from dashred.core.budget import OutOfTimeError
 from dashred.core.errors import InputError
+from dashred.physics.external.failure import hint_of_failure
 from dashred.physics.library import evaluate_terms, resolve
 from dashred.physics.runs.tendency_size import tendency_size
 from dashred.physics.solvers.forcing import Forcing
@@ -148,7 +149,9 @@ def draw_ensemble(
         raise InputError(
             f"after {len(states)} rounds only {count} of {members} simulations stay within bounds",
             where=system.where("system.spread"),
-            hint="make system.spread or simulation.amplitude smaller",
+            hint=hint_of_failure(
+                system.program, "make system.spread or simulation.amplitude smaller"
+            ),
         )
     return Ensemble(times, torch.cat(states), torch.cat(coefficients))
 

@@ -18,7 +18,8 @@ LEAST = 1e-12
 def tendency_size(system: System, states: Tensor, t: float | Tensor) -> Tensor:
     """Return the rms of the right-hand side of each equation over a simulation, ``(field,)``.
 
-    It is positive even if the simulation stays at rest.
+    It is positive even if the simulation stays at rest. States that a program cannot step do not
+    count.
 
     Args:
         system: the simulator.
@@ -29,7 +30,10 @@ def tendency_size(system: System, states: Tensor, t: float | Tensor) -> Tensor:
     rates = evaluate_terms(system, own, states, t).transpose(0, 1)
     if system.program is not None:
         rates = rates + program_rates(system, states, t)
-    return rates.transpose(0, 1).flatten(1).square().mean(dim=1).sqrt().clamp(min=LEAST)
+        # A program may fail at some states.
+        rates = rates[torch.isfinite(rates).flatten(1).all(dim=1)]
+    rms = rates.transpose(0, 1).flatten(1).square().mean(dim=1).sqrt()
+    return rms.nan_to_num(nan=0.0).clamp(min=LEAST)
 
 
 @torch.no_grad()

@@ -11,6 +11,7 @@ from torch import Tensor
 from dashred.core.errors import InputError
 from dashred.physics.cells.integrate import integrate_cells
 from dashred.physics.expressions.semilinear import NotSemilinearError
+from dashred.physics.external.failure import hint_of_failure
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.runge_kutta import THREE_EIGHTHS, Tableau, advance
 from dashred.physics.solvers.adaptive import integrate_adaptive
@@ -139,10 +140,11 @@ def check_finite(trajectories: Tensor, times: Tensor, system: System) -> None:
     time = int(torch.nonzero(bad.any(dim=-1))[0])
     fields = [f for f, is_bad in zip(system.fields, bad[time].tolist(), strict=True) if is_bad]
     verb = "is" if len(fields) == 1 else "are"
+    hint = "use a smaller system.integrator.dt, more points, or look at the signs of its terms"
     raise InputError(
         f"the simulator blows up: {' and '.join(fields)} {verb} not finite at t = {times[time]:g}",
         where=system.where("system.equations"),
-        hint="use a smaller system.integrator.dt, more points, or look at the signs of its terms",
+        hint=hint_of_failure(system.program, hint),
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dashred.core.errors import InputError
 from dashred.data.stated.saturation import at_stop
 from dashred.inference.segments.first_nodes import first_nodes
 from dashred.inference.segments.natural_scales import field_sizes
@@ -57,9 +58,13 @@ class SegmentedRecord:
         """Return the simulator's states, restarted at every node, ``(time, field)`` by episode.
 
         A segment that blows up stays at its node.
+
+        Raises:
+            InputError: the simulator is a program that fails at the states that were recorded.
         """
         nodes = self.guesses[-1]
         states = self.simulator.run(nodes, (), np.zeros(0))
+        self._check_program(states)
         lost = ~np.isfinite(states).all(axis=(1, 2)) | (
             np.abs(states - nodes[:, None]) > 2 * SPREADS * self.size
         ).any(axis=(1, 2))
@@ -69,6 +74,21 @@ class SegmentedRecord:
             torch.from_numpy(segments.join(states, episode))
             for episode in range(len(segments.begins))
         ]
+
+    def _check_program(self, states: Array) -> None:
+        system = self.simulator.systems[0]
+        is_recorded = set(self.sensors.fields) == set(range(len(system.fields)))
+        if system.program is None or system.program.failure is None or not is_recorded:
+            return
+        failed = np.flatnonzero(~np.isfinite(states).all(axis=(1, 2)))
+        if failed.size:
+            times = self.simulator.segments.times[failed]
+            raise InputError(
+                f"the simulator fails in {len(failed)} of {len(states)} parts of the recording, "
+                f"the first from t = {times[0, 0]:g} to {times[0, -1]:g}",
+                where=system.where("system.simulator"),
+                hint=system.program.failure,
+            )
 
 
 def segment_record(

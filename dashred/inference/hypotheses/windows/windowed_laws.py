@@ -68,6 +68,9 @@ def fit_windowed_laws(
     """
     forward_model = forcing.objective.forward_model
     states = forward_model.sampled_states(*forcing.objective.split(forcing.phi))
+    # A program may fail along the trajectory of the forcing: then nothing can be screened.
+    if not states.isfinite().all():
+        return []
     screened = screen(objective, global_count, windowed, forcing, states)
     plausible = [each for each in screened if predicted_score(objective, each) < bound]
     ranked = sorted(plausible, key=lambda each: predicted_score(objective, each))
