@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -55,3 +56,20 @@ def heat_of_singles(
     """Return :func:`heat` in single precision."""
     found = heat(state, t, dt, inputs, parameters)
     return {"u": found["u"].astype(np.float32)}
+
+
+def pendulum_without_data(
+    state: Mapping[str, Any], t: Any, dt: Any, inputs: Any, parameters: Mapping[str, float]
+) -> dict[str, Any]:
+    """Return :func:`pendulum` until t = 2, and then fail."""
+    if np.max(t) > 2:
+        raise IndexError("no wind data after t = 2")
+    return pendulum(state, t, dt, inputs, parameters)
+
+
+def slow_pendulum(
+    state: Mapping[str, Any], t: Any, dt: Any, inputs: Any, parameters: Mapping[str, float]
+) -> dict[str, Any]:
+    """Return :func:`pendulum` of one state after a while."""
+    time.sleep(0.03)
+    return pendulum({name: float(value) for name, value in state.items()}, t, dt, {}, parameters)

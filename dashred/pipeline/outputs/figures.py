@@ -49,7 +49,8 @@ def figures_of(problem: Problem, analysis: Analysis, findings: Findings) -> Figu
         )
     if sensor_errors(problem, analysis):
         figures[SENSOR_ERRORS] = partial(draw_sensor_errors, problem, analysis)
-    figures["coefficients.png"] = partial(draw_coefficients, problem, analysis.assimilated)
+    if analysis.assimilated.proposals:
+        figures["coefficients.png"] = partial(draw_coefficients, problem, analysis.assimilated)
     figures["sparsity.png"] = partial(draw_sparsity, analysis)
     figures["learning.png"] = partial(_learning, analysis)
     figures["verification.png"] = partial(draw_verification, problem, analysis, findings)

@@ -98,7 +98,9 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         **held_out_errors(predictions),
     )
     proposed = {n: proposals(problem, f) for n, f in analysis.assimilated.proposals.items()}
-    latent = Latent(alg1=proposed["alg1"], alg2=proposed["alg2"])
+    # An expensive program leaves no time for them.
+    nothing = LatentSindy(proposals=[], rmse_path=[])
+    latent = Latent(alg1=proposed.get("alg1", nothing), alg2=proposed.get("alg2", nothing))
     count = len(problem.split.fit.times)
     if kind == "not-converged":
         blame_budget(causes[0], problem.budget)
