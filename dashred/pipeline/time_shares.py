@@ -51,8 +51,11 @@ def calls_per_simulation(system: System, times: Tensor) -> int:
 
 
 def takes_too_long(system: System, times: Tensor, budget: Budget) -> bool:
-    """Return whether a program takes too long for a fit of one trajectory over the record."""
-    if system.program is None:
+    """Return whether a program takes too long for a fit of one trajectory over the record.
+
+    A system with axes has no other fit, whatever that takes.
+    """
+    if system.program is None or system.axes:
         return False
     seconds = SIMULATIONS * calls_per_simulation(system, times) * system.program.seconds
     return seconds > SHARE * budget.seconds
@@ -60,8 +63,7 @@ def takes_too_long(system: System, times: Tensor, budget: Budget) -> bool:
 
 def ends_of(system: System, times: Tensor, budget: Budget) -> Mapping[str, float]:
     """Return the share of the whole time after which each stage ends."""
-    alone = not system.axes and takes_too_long(system, times, budget)
-    return ENDS_OF_SEGMENTS if alone else ENDS
+    return ENDS_OF_SEGMENTS if takes_too_long(system, times, budget) else ENDS
 
 
 def begin_budget(config: Config) -> Budget:

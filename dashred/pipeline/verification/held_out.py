@@ -13,6 +13,7 @@ from dashred.core.findings.schema import HeldOut, HeldOutData, errors_by_method
 from dashred.data.recording import Recording
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation.program_cost import follows_segments
 from dashred.pipeline.verification.predictions import Array, Predictions, predict
 from dashred.pipeline.verification.restart import restart
 
@@ -102,6 +103,10 @@ def _in_heldout_time(problem: Problem, analysis: Analysis) -> Predictions:
 
 
 def _restarted(problem: Problem, analysis: Analysis) -> list[Predictions]:
+    if follows_segments(problem):
+        # The fit of a state takes as many calls of a program as the search for the law.
+        problem.budget.leave_out("forecasts from a state fitted just before the held-out time")
+        return []
     free, heldout = analysis.trajectories, problem.split.heldout
     corrected = free.states["corrected"][: len(problem.split.fit.times)]
     found = analysis.discovery
