@@ -40,7 +40,7 @@ from dashred.physics.parameter_sensitivity import parameters_read
 from dashred.physics.system import System, Term
 from dashred.pipeline.read_recorded import read_recorded
 from dashred.pipeline.readings_of_state import fitted_count, readings_of_state
-from dashred.pipeline.time_shares import ENDS, ENDS_OF_SEGMENTS, begin_budget, ends_of
+from dashred.pipeline.time_shares import begin_budget, ends_of
 from dashred.pipeline.time_step import states_time_step, with_time_step
 
 # Lower bound of the noise σ, as a share of the std of a trace, before the residuals give an
@@ -337,9 +337,8 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
         longest_fit = max((split.fit for split in splits[:fitted]), key=lambda fit: len(fit.times))
         std = np.array([noise[name] for name in longest_fit.names])
         driven = with_inputs(system, longest_fit.inputs)
-        ends = ENDS if system.axes or system.program is None else ENDS_OF_SEGMENTS
-        limit, end = config.resolution_limit, budget.deadline(ends["simulate"])
-        chosen, why = with_time_step(driven, longest_fit, std, limit, end)
+        limit = config.resolution_limit
+        chosen, why = with_time_step(driven, longest_fit, std, limit, budget)
         system = system.with_fixed_steps().with_step(chosen.dt)
         clock = _with_clause(clock, why)
     stated = {name: system.config.parameters[name] for name in system.config.parameter_spread}

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dashred.core.budget import Deadline, OutOfTimeError
+from dashred.core.budget import Budget, Deadline, OutOfTimeError
 from dashred.core.errors import InputError
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
@@ -25,6 +25,7 @@ from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.runs.tendency_size import tendency_size
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
+from dashred.pipeline.time_shares import ENDS, takes_too_long
 
 # Allowed change of a reading in units of σ, and the least σ as a share of a trace's std.
 NOISE_SHARE, LEAST_NOISE = 1 / 20, 0.01
@@ -50,9 +51,12 @@ def states_time_step(system: System) -> bool:
 
 @torch.no_grad()
 def with_time_step(
-    system: System, recording: Recording, noise: np.ndarray, limit: float, deadline: Deadline
+    system: System, recording: Recording, noise: np.ndarray, limit: float, budget: Budget
 ) -> tuple[System, str]:
     """Return a system with a time step, and one clause on how it was chosen.
+
+    For an expensive program it is that of the samples: to choose it would take most of the budget.
+    The error of splitting is measured with the law.
 
     Fixed steps of ``rk4`` take the place of an adaptive method. They have exact derivatives, and
     they are compiled: an adaptive method takes many times as long.
@@ -62,7 +66,7 @@ def with_time_step(
         recording: the fitted part of the recording.
         noise: σ of its sensors, ``(sensor,)``.
         limit: largest change of a trace over the record at doubled resolution, in its std.
-        deadline: time at which the choice ends.
+        budget: of the run.
 
     Raises:
         InputError: no step is short enough, or there was no time to find it.
@@ -73,9 +77,13 @@ def with_time_step(
     allowed = _allowed_change(recording, noise, limit, bool(system.axes), splits)
     fixed = system.with_fixed_steps()
     of = "" if fixed is system else f" of {fixed.method} in place of {system.method}"
+    longest = fixed.with_step(interval)
+    if splits and _takes_too_long(longest, times, budget):
+        return longest, f"time step: {interval:.6g}, that of the samples, because a call takes long"
+    deadline = budget.deadline(ENDS["simulate"])
     steps = [interval / 2**halvings for halvings in range(MAX_HALVINGS + 1)]
     tried = steps[0]
-    probed = _with_probe(fixed.with_step(interval), times) if splits else fixed
+    probed = _with_probe(longest, times) if splits else fixed
     try:
         for coarse, fine in pairwise(map(probed.with_step, steps)):
             tried = coarse.dt
@@ -91,6 +99,12 @@ def with_time_step(
         where=system.where("system.integrator"),
         hint=hint_of_failure(system.program, hint),
     )
+
+
+def _takes_too_long(system: System, times: Tensor, budget: Budget) -> bool:
+    """Return whether a program is expensive, after its first call."""
+    simulate(system, nominal_start(system), times[:2])
+    return takes_too_long(system, times, budget)
 
 
 def _with_probe(system: System, times: Tensor) -> System:

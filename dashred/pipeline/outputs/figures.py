@@ -51,7 +51,7 @@ def figures_of(problem: Problem, analysis: Analysis, findings: Findings) -> Figu
         figures[SENSOR_ERRORS] = partial(draw_sensor_errors, problem, analysis)
     if analysis.assimilated.proposals:
         figures["coefficients.png"] = partial(draw_coefficients, problem, analysis.assimilated)
-    figures["sparsity.png"] = partial(draw_sparsity, analysis)
+        figures["sparsity.png"] = partial(draw_sparsity, analysis)
     figures["learning.png"] = partial(_learning, analysis)
     figures["verification.png"] = partial(draw_verification, problem, analysis, findings)
     where, is_told = findings["where"], findings["terms"] is not None
