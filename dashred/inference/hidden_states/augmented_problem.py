@@ -68,7 +68,7 @@ def augment(
     taus = [_time_constant(systems[0], each) for each in states if each.tau_spread]
     whole = np.column_stack([begin.nodes, *nodes])
     size = np.concatenate([found.natural.size, [max(float(np.std(z)), 1e-12) for z in nodes]])
-    scales = natural_scales(simulator, read, candidates, whole, size)
+    scales = natural_scales(simulator, read, candidates, whole, size, old.noise_std)
     # The scales of what the search had stay as they are.
     natural = NaturalScales(
         np.concatenate([found.natural.rate, scales.rate[fields:]]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -50,11 +51,12 @@ def natural_scales(
     candidates: Sequence[Candidate],
     nodes: Array,
     size: Array,
+    noise_std: Array,
 ) -> NaturalScales:
     """Return the scales about some nodes.
 
-    A field's rate is the rms of its equation's tendency, or of the readings' differences if that
-    is larger: an equation may lack its largest term.
+    A field's rate is the rms of its equation's tendency, or that of the readings if it is larger:
+    an equation may lack its largest term.
 
     Args:
         simulator: of the segments.
@@ -62,15 +64,18 @@ def natural_scales(
         candidates: terms and parameters.
         nodes: states, ``(segment, field)``.
         size: standard deviation of every field, ``(field,)``.
+        noise_std: σ of the readings, ``(sensor,)``.
     """
     segments = simulator.segments
     values = sensors.fields_of(segments.readings)
+    stds = sensors.stds_of_fields(noise_std * segments.relative)
+    variances = np.broadcast_to(np.square(stds), values.shape)
     rates, terms, equations, owners = simulator.tendencies(nodes, candidates)
     rate = np.sqrt(np.square(rates).mean(axis=0))
     for sensor, field in enumerate(sensors.fields.tolist()):
         if field >= 0:
-            slopes = _slopes(segments, values[:, :, sensor])
-            rate[field] = max(rate[field], float(np.sqrt(np.nanmean(np.square(slopes)))))
+            seen = _read_rate(segments, values[:, :, sensor], variances[:, :, sensor])
+            rate[field] = max(rate[field], seen)
     rate = np.maximum(rate, 1e-9 * size / segments.span)
     # A parameter may touch several equations: the one that it moves most decides.
     moved = np.sqrt(np.square(terms).mean(axis=1)) / rate[equations]
@@ -79,9 +84,22 @@ def natural_scales(
     return NaturalScales(rate, size, 1 / np.maximum(largest, 1e-12))
 
 
-def _slopes(segments: Segments, values: Array) -> Array:
-    """Return differences between neighbouring samples over their distance in time."""
+def _read_rate(segments: Segments, values: Array, variances: Array) -> float:
+    """Return the rms rate of what a sensor reads, without that of its noise.
+
+    The slopes ``s_k`` between neighbouring samples contain the noise of both. Their mean square is
+    taken less that of the noise. If σ is overestimated this is too small: the mean of
+    ``s_k s_(k+2)``, which have no sample in common, is then larger.
+
+    Args:
+        segments: of the record.
+        values: readings as values of the field, ``(segment, sample)``; NaN where missing.
+        variances: σ² of each, ``(segment, sample)``.
+    """
     steps = np.diff(segments.times, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        found: Array = np.where(steps > 0, np.diff(values, axis=1) / steps, np.nan)
-    return found if np.isfinite(found).any() else np.zeros(1)
+        slopes = np.where(steps > 0, np.diff(values, axis=1) / steps, np.nan)
+        noise = (variances[:, 1:] + variances[:, :-1]) / np.square(steps)
+    squares = (np.square(slopes) - noise, slopes[:, 2:] * slopes[:, :-2])
+    known = [float(np.mean(each[np.isfinite(each)])) for each in squares if np.isfinite(each).any()]
+    return math.sqrt(max([0.0, *known]))

@@ -79,6 +79,11 @@ class StateSensors:
         found: Array = (readings - self._offsets) / self._gains
         return found
 
+    def stds_of_fields(self, noise_std: Array) -> Array:
+        """Return σ of readings ``(…, sensor)`` as that of the field that each sensor reads."""
+        found: Array = noise_std / np.abs(self._gains)
+        return found
+
     def changes(
         self, candidates: Sequence[Candidate], xi: Array, clock: Mapping[str, Array]
     ) -> ReadChanges:

@@ -14,7 +14,7 @@ from statistics import median
 import numpy as np
 from scipy.stats import t as student
 
-from dashred.core.findings.cause_schema import Verdict
+from dashred.core.findings.cause_schema import Cause, Verdict
 from dashred.core.findings.schema import Comparison, HeldOutData
 from dashred.inference.fit.law import Law
 from dashred.pipeline.verification.held_out import HeldOutPredictions, pooled_rmse
@@ -53,6 +53,7 @@ def compare_held_out(predictions: HeldOutPredictions) -> list[Comparison]:
 
 def confirmed(
     verdict: Verdict,
+    causes: Sequence[Cause],
     law: Law,
     comparisons: Sequence[Comparison],
     misfits: Mapping[str, float],
@@ -60,16 +61,21 @@ def confirmed(
 ) -> Verdict:
     """Return the verdict; ``unconfirmed`` if the held-out data contradict it.
 
+    That an effect is outside of the library is not contradicted by the failure of the nearest law.
+
     If only sensors err, the simulator is right. It then agrees with the sensors that no fit has
     used. One of these may err itself, but not beside a fitted sensor that errs.
 
     Args:
         verdict: states a law, or that only sensors err, or something else.
+        causes: of the verdict, the leading one first.
         law: the best law.
         comparisons: of the held-out data.
         misfits: of the test sensors, as returned by :func:`misfits_at_sensors`.
         is_local: whether sensors that no fit has used err next to fitted sensors that err.
     """
+    if verdict == "outside-library" and "terms" not in causes[0]:
+        return verdict
     if verdict in LAWS and law.candidates:
         return "unconfirmed" if any(c["worse"] for c in comparisons) else verdict
     if verdict != "sensor-fault":

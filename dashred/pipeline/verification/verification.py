@@ -56,6 +56,7 @@ from dashred.pipeline.verification.held_out_faults import err_next_to, held_out_
 from dashred.pipeline.verification.sensor_noise import noise_of_sensors
 from dashred.pipeline.verification.spent_budget import blame_budget, note_budget
 from dashred.pipeline.verification.structure import structure_change
+from dashred.reporting.text.improvement import is_confirmed
 from dashred.reporting.wording.findings_text import add_text
 
 # The remark in the corrected configuration of an explanation that held-out data contradict.
@@ -79,7 +80,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     misfits = misfits_at_sensors(predictions["test_sensors"], noise)
     faults = [] if kind == "not-converged" else held_out_faults(problem, analysis)
     is_local = err_next_to(problem, discovered.best.faults, faults)
-    kind = confirmed(kind, discovered.best, comparisons, misfits, is_local)
+    kind = confirmed(kind, causes, discovered.best, comparisons, misfits, is_local)
     kind, causes = with_faults(kind, causes, map(problem.fault_details, faults))
     law, std = discovered.best, discovered.noise.std[: len(names)]
     # Without a law that is told, its numerical error says nothing.
@@ -195,7 +196,7 @@ def write_findings(problem: Problem, analysis: Analysis, findings: Findings, out
     if findings["corrected"] is not None:
         law = analysis.discovery.best
         sha256 = problem.recording_sha256
-        remark = UNCONFIRMED if findings["verdict"] == "unconfirmed" else ""
+        remark = "" if is_confirmed(findings) else UNCONFIRMED
         hidden = problem.hidden
         told = write_corrected_fmu(output / FMU, problem, law, analysis.trajectories, remark)
         if (output / FMU).is_file():

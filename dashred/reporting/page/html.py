@@ -22,6 +22,7 @@ from dashred.reporting.text.improvement import (
     contradictions,
     error_before,
     improvements,
+    is_confirmed,
 )
 
 TEMPLATE = "reporting/page/templates/report.html.j2"
@@ -105,6 +106,7 @@ def _head(findings: Mapping[str, Any], main_effects: Sequence[str]) -> dict[str,
         "title": findings["input"]["config"].get("system", {}).get("title", "The system"),
         "headline": headline(findings, main_effects) if findings["verdict"] else "",
         "verdict": findings["verdict"],
+        "is_confirmed": is_confirmed(findings),
         "statements": _statements(findings),
         "equations": equations(findings),
     }

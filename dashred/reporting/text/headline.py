@@ -11,6 +11,7 @@ from dashred.reporting.text.improvement import (
     OTHER_CAUSES,
     error_before,
     has_only_parameters,
+    is_confirmed,
     is_lost,
 )
 from dashred.reporting.text.parameters import short_parameter_text
@@ -48,11 +49,11 @@ def headline(findings: Mapping[str, Any], mostly: Sequence[str] = ()) -> str:
 def gain(findings: Mapping[str, Any]) -> tuple[str, float] | None:
     """Return the first held-out data there are, and the factor by which the error decreases.
 
-    For an unconfirmed law they are the first data that contradict it. For a faulty sensor they are
-    not the test sensors, which have no fault. In a chaotic system a law is compared with the
-    simulation over the times that can be predicted.
+    For a law that is not confirmed they are the first data that contradict it. For a faulty sensor
+    they are not the test sensors, which have no fault. In a chaotic system a law is compared with
+    the simulation over the times that can be predicted.
     """
-    verdict, fit = findings["verdict"], findings["fit"]
+    verdict, fit, contradicted = findings["verdict"], findings["fit"], not is_confirmed(findings)
     compared = {each["data"]: each for each in fit.get("comparisons", ())}
     for key in PLACES:
         if verdict == "sensor-fault" and key == "test_sensors":
@@ -64,9 +65,9 @@ def gain(findings: Mapping[str, Any]) -> tuple[str, float] | None:
         if findings["terms"] and key in compared:
             law = compared[key]
             # The table has no error over the times that can be predicted.
-            if law["horizon"] is not None or verdict == "unconfirmed":
+            if law["horizon"] is not None or contradicted:
                 before, after = law["before"], law["after"]
-        if verdict == "unconfirmed" and not compared.get(key, {}).get("worse"):
+        if contradicted and not compared.get(key, {}).get("worse"):
             continue
         if before is not None and after is not None and before > 0 and after > 0:
             return key, before / after
@@ -109,7 +110,8 @@ def _conclusion(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
         case "outside-library" if missing and "terms" in (findings["causes"] or [{}])[0]:
             return f"the simulation leaves out {missing}, in a form that is not in its library"
         case "outside-library":
-            best = f"; the nearest law is {missing}" if missing else ""
+            refuted = "" if is_confirmed(findings) else ", which the held-out data contradict"
+            best = f"; the nearest law is {missing}{refuted}" if missing else ""
             return f"the simulation lacks an effect that no term of the library expresses{best}"
         case "unconfirmed" if not terms:
             return (

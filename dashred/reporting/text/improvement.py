@@ -85,12 +85,17 @@ def is_lost(fit: Mapping[str, Any], key: str) -> bool:
 
 
 def is_confirmed(findings: Mapping[str, Any]) -> bool:
-    """Return whether the held-out data do not contradict what the findings state."""
-    return bool(findings["verdict"] != "unconfirmed")
+    """Return whether the held-out data do not contradict the law that the findings state.
+
+    Where no law of the library expresses what is missing, they may contradict the nearest one.
+    """
+    worse = any(each["worse"] for each in findings["fit"].get("comparisons", ()))
+    is_nearest = findings["verdict"] == "outside-library" and worse
+    return bool(findings["verdict"] != "unconfirmed") and not is_nearest
 
 
 def contradictions(findings: Mapping[str, Any]) -> list[str]:
-    """Return how the held-out data contradict an unconfirmed explanation."""
+    """Return how the held-out data contradict an explanation."""
     if is_confirmed(findings):
         return []
     if not findings["terms"]:

@@ -120,7 +120,7 @@ def find(convection: Convection) -> Find:
         size = field_sizes(segments, sensors, np.full(3, 8.0))
         guesses = first_nodes(simulator, sensors, means, size)
         chosen = tuple(convection.candidates[convection.index(name)] for name in NAMES)
-        scales = natural_scales(simulator, sensors, chosen, guesses[-1], size)
+        scales = natural_scales(simulator, sensors, chosen, guesses[-1], size, np.full(2, NOISE))
         problem = replace(
             weak_problem(convection),
             simulator=simulator,

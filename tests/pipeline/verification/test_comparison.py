@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from dashred.core.findings.cause_schema import Cause, Verdict
 from dashred.core.findings.schema import Comparison
-from dashred.pipeline.verification.comparison import (
-    compare_held_out,
-    confirmed,
-    misfits_at_sensors,
-)
+from dashred.pipeline.verification import comparison
+from dashred.pipeline.verification.comparison import compare_held_out, misfits_at_sensors
 from dashred.pipeline.verification.predictions import Array, Predictions
 from tests import laws
 
@@ -128,6 +127,11 @@ def test_only_a_verdict_with_a_law_becomes_unconfirmed(tmp_path: Path) -> None:
     worse = compared(predictions(np.full(80, 0.2), np.full(80, 0.5)))
     better = compared(predictions(np.full(80, 0.5), np.full(80, 0.2)))
     far = {"s1": 9.0}
+
+    def confirmed(kind: Verdict, *rest: Any) -> Verdict:
+        told: Cause = {"kind": kind, "probability": 1.0, "where": None, "terms": ["u: u"]}
+        return comparison.confirmed(kind, [told], *rest)
+
     assert confirmed("missing-term", law, [better, worse], {}, False) == "unconfirmed"
     assert confirmed("ambiguous", law, [worse], {}, False) == "unconfirmed"
     assert confirmed("missing-term", law, [better], far, True) == "missing-term"
@@ -137,9 +141,24 @@ def test_only_a_verdict_with_a_law_becomes_unconfirmed(tmp_path: Path) -> None:
     assert confirmed("not-converged", law, [worse], far, True) == "not-converged"
 
 
+def test_an_effect_outside_of_the_library_stays_so_if_the_nearest_law_fails(
+    tmp_path: Path,
+) -> None:
+    law = laws.law([laws.term(laws.declared(tmp_path), "u", "u")], [0.1])
+    worse = compared(predictions(np.full(80, 0.2), np.full(80, 0.5)))
+    unexplained: Cause = {"kind": "outside-library", "probability": None, "where": None}
+    extended: Cause = {**unexplained, "terms": ["u: u"]}
+
+    def kind(cause: Cause) -> str:
+        return comparison.confirmed("outside-library", [cause], law, [worse], {}, False)
+
+    assert kind(unexplained) == "outside-library"
+    assert kind(extended) == "unconfirmed"
+
+
 def test_sensor_faults_alone_are_unconfirmed_if_other_sensors_disagree() -> None:
     def kind(misfits: dict[str, float], is_local: bool) -> str:
-        return confirmed("sensor-fault", laws.law(), [], misfits, is_local)
+        return comparison.confirmed("sensor-fault", [], laws.law(), [], misfits, is_local)
 
     assert kind({"s1": 9.0}, False) == "unconfirmed"
     assert kind({"s1": np.inf, "s2": 4.0, "s3": 1.0}, False) == "unconfirmed"

@@ -193,7 +193,7 @@ def _scales(found: SegmentSearch, further: Sequence[Candidate]) -> NDArray[np.fl
     """Return the natural scales of further candidates, ``(candidate,)``."""
     weak, nodes = found.problem, found.best.fit.point.nodes
     return natural_scales(
-        weak.simulator, weak.sensors, further, nodes, found.natural.size
+        weak.simulator, weak.sensors, further, nodes, found.natural.size, weak.noise_std
     ).coefficient
 
 

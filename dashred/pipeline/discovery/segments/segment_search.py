@@ -87,7 +87,12 @@ def _search_record(
 ) -> SegmentSearch | None:
     parameters, candidates = split_parameters(found)
     scales = natural_scales(
-        record.simulator, record.sensors, candidates, record.guesses[-1], record.size
+        record.simulator,
+        record.sensors,
+        candidates,
+        record.guesses[-1],
+        record.size,
+        record.noise_std,
     )
     weak = WeakConstraintProblem(
         simulator=record.simulator,

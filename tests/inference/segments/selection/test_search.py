@@ -27,7 +27,8 @@ def found(convection: Convection) -> SegmentSearch:
     simulator, sensors = convection.simulator, convection.sensors
     size = field_sizes(convection.segments, sensors, np.full(3, 8.0))
     guesses = first_nodes(simulator, sensors, MEAN, size)
-    scales = natural_scales(simulator, sensors, convection.candidates, guesses[-1], size)
+    noise = np.full(2, NOISE)
+    scales = natural_scales(simulator, sensors, convection.candidates, guesses[-1], size, noise)
     return search(weak_problem(convection), guesses, scales)
 
 
@@ -79,7 +80,8 @@ def test_a_record_of_one_or_two_segments(convection: Convection, samples: int) -
     simulator = SegmentSimulator([convection.system], segments, 4)
     size = field_sizes(segments, convection.sensors, np.full(3, 8.0))
     guesses = first_nodes(simulator, convection.sensors, MEAN, size)
-    scales = natural_scales(simulator, convection.sensors, convection.candidates, guesses[-1], size)
+    chosen, noise = convection.candidates, np.full(2, NOISE)
+    scales = natural_scales(simulator, convection.sensors, chosen, guesses[-1], size, noise)
     short = replace(weak_problem(convection), simulator=simulator)
     assert np.isfinite(search(short, guesses, scales).best.fit.cost)
 
