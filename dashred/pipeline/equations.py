@@ -125,7 +125,7 @@ def _training_ensemble(
     """Return the runs on which SHRED is trained.
 
     If there are too few of the simulator, in time and within bounds, the corrected simulator is
-    run instead where its law is known already.
+    run instead where its law is known already; without time for that, the states of the law serve.
     """
     try:
         return simulate_ensemble(problem, nominal, seconds)
@@ -135,10 +135,13 @@ def _training_ensemble(
                 problem.budget.leave_out("training SHRED on the simulator without the law")
             law = law_from_segments(segments, segments.best)
             states = states_by_sample(segments, segments.best)
-            if follows_segments(problem):
-                problem.budget.leave_out("training SHRED on any simulation")
-                return ensemble_of_states(problem, states)
-            return simulate_corrected_ensemble(problem, law, states, seconds)
+            try:
+                if not follows_segments(problem):
+                    return simulate_corrected_ensemble(problem, law, states, seconds)
+            except OutOfTimeError:
+                pass
+            problem.budget.leave_out("training SHRED on any simulation")
+            return ensemble_of_states(problem, states)
         if nominal.restarted and isinstance(error, InputError):
             return simulate_nudged_ensemble(problem, nominal, seconds)
         raise
