@@ -20,6 +20,7 @@ from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline import assimilation, surrogate, training, trajectories
 from dashred.pipeline.analysis import Analysis
+from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.discovery import discovery
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
 from dashred.pipeline.discovery.segments.relinearisation import with_fitted_readings
@@ -29,7 +30,7 @@ from dashred.pipeline.discovery.segments.segment_stage import (
     search_in_segments,
 )
 from dashred.pipeline.outputs import report
-from dashred.pipeline.problem import Problem, build_problem
+from dashred.pipeline.problem import Problem
 from dashred.pipeline.run import provenance
 from dashred.pipeline.run.checkpoints import Checkpoints, Stages
 from dashred.pipeline.run.output_dir import clear_output, named_output

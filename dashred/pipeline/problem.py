@@ -10,38 +10,26 @@ import torch
 from torch import Tensor
 
 from dashred.config import Config
-from dashred.config.checks.checks import MAX_STEPS
 from dashred.core.budget import Budget, Deadline
-from dashred.core.errors import InputError
 from dashred.core.findings.cause_schema import FaultySensor
-from dashred.core.stated.record_part import parse_part
-from dashred.data.clocks.own_times import describe_times, has_uneven_times
-from dashred.data.clocks.resampling import native_step, resample_all
-from dashred.data.episodes import Episodes, name_episode_in_errors
-from dashred.data.inputs import with_inputs
-from dashred.data.noise_level import noise_std
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
-from dashred.data.splits import Split, hold_out_episode, split_recording
+from dashred.data.splits import Split
 from dashred.data.stated.fitted_delays import about_delays
-from dashred.data.stated.known_factor import noise_factors, with_even_noise
+from dashred.data.stated.known_factor import noise_factors
 from dashred.data.stated.known_readings import known_readings, with_known_at
 from dashred.data.stated.relative_noise import Array, relative_noise
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.forward.candidates import ChangePrior
 from dashred.inference.results.corrected_system import with_parameters
 from dashred.inference.results.verdict import describe_fault
-from dashred.physics.black_box.snapshot_file import open_snapshots
 from dashred.physics.black_box.snapshots import Snapshots
 from dashred.physics.hidden_state import HiddenState, with_hidden_states
 from dashred.physics.let_terms import build_let_terms
 from dashred.physics.library import build_library
 from dashred.physics.parameter_sensitivity import parameters_read
 from dashred.physics.system import System, Term
-from dashred.pipeline.read_recorded import read_recorded
-from dashred.pipeline.readings_of_state import fitted_count, readings_of_state
-from dashred.pipeline.time_shares import begin_budget, ends_of
-from dashred.pipeline.time_step import states_time_step, with_time_step
+from dashred.pipeline.time_shares import ends_of
 
 # Lower bound of the noise σ, as a share of the std of a trace, before the residuals give an
 # estimate. With less noise than this the search would stop at laws that fit the recording only
@@ -139,7 +127,7 @@ class Problem:
         """
 
         def changed(episode: Problem) -> Problem:
-            clock = _with_clause(episode.clock, reason)
+            clock = with_clause(episode.clock, reason)
             return replace(episode, system=episode.system.with_step(dt), clock=clock)
 
         return self._in_every_episode(changed)
@@ -286,119 +274,6 @@ class Problem:
         return np.random.default_rng([self.config.seed, *stage.encode()])
 
 
-def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
-    """Read and check all input.
-
-    Args:
-        config: settings of the analysis.
-        recorded: recording; None reads the file at ``recording.path``.
-
-    Raises:
-        InputError: the equations, the snapshots, the library, the recording or the split is
-            invalid.
-    """
-    budget = begin_budget(config)
-    system = System(config.system, config.where)
-    library = build_library(system, config.library)
-    read = read_recorded(config, system) if recorded is None else recorded
-    sha256 = read.sha256()
-    system, read, subtracted, described = readings_of_state(config, system, read)
-    # The system and the recording may each state units. The reader has converted the values.
-    units = {**read.episodes[0].recording.units, **system.units}
-    system = system.with_config(replace(system.config, units=units))
-    every, snapshots = config.recording.every, _snapshots(system, read)
-    if snapshots is not None:
-        every = snapshots.clock_step(native_step(read.episodes[0].recording.times), every)
-    # The integrators of fields need uniform steps, and SHRED of snapshots too.
-    if every is None and not system.axes and snapshots is None and has_uneven_times(read):
-        sampled, clock = read, describe_times(read)
-    else:
-        sampled, clock = resample_all(read, every)
-    for clause in subtracted:
-        clock = _with_clause(clock, clause)
-    chosen_part = parse_part(config.recording.begin, config.recording.end, config.where)
-    if not chosen_part.is_whole:
-        clock = _with_clause(clock, f"the part {chosen_part} of the recording")
-    if read.left_out:
-        clock = _with_clause(clock, f"without the columns {', '.join(read.left_out)}")
-    splits = []
-    for part in sampled.episodes:
-        with name_episode_in_errors(part.name):
-            times = part.recording.times
-            _check_steps(config, float(times[-1] - times[0]), system.dt)
-            splits.append(split_recording(part.recording, config.splits, config.seed))
-    raw = [episode.recording for episode in read.episodes]
-    fitted = fitted_count(config, read)
-    if fitted < len(splits):
-        splits[-1] = hold_out_episode(sampled.episodes[-1].recording, splits[-1])
-    even = [with_even_noise(part, with_inputs(system, part.inputs)) for part in raw[:fitted]]
-    noise = _noise(even, splits[:fitted])
-    if not states_time_step(system):
-        longest_fit = max((split.fit for split in splits[:fitted]), key=lambda fit: len(fit.times))
-        std = np.array([noise[name] for name in longest_fit.names])
-        driven = with_inputs(system, longest_fit.inputs)
-        limit = config.resolution_limit
-        chosen, why = with_time_step(driven, longest_fit, std, limit, budget)
-        system = system.with_fixed_steps().with_step(chosen.dt)
-        clock = _with_clause(clock, why)
-    stated = {name: system.config.parameters[name] for name in system.config.parameter_spread}
-    problems = [
-        Problem(
-            config=config,
-            system=with_inputs(system, episode.recording.inputs),
-            library=library,
-            recording_sha256=sha256,
-            times=torch.from_numpy(episode.recording.times),
-            clock=clock,
-            split=split,
-            noise=noise,
-            name=episode.name,
-            snapshots=snapshots,
-            budget=budget,
-            stated=stated,
-            described=described,
-        )
-        for episode, split in zip(sampled.episodes, splits, strict=True)
-    ]
-    longest = max(problems[:fitted], key=lambda problem: len(problem.split.fit.times))
-    others = tuple(problem for problem in problems[:fitted] if problem is not longest)
-    return replace(longest, others=others, whole=tuple(problems[fitted:]))
-
-
-def _with_clause(sentence: str, clause: str) -> str:
+def with_clause(sentence: str, clause: str) -> str:
     """Return a sentence with one clause more."""
     return f"{sentence.rstrip('.')}; {clause}."
-
-
-def _snapshots(system: System, read: Episodes) -> Snapshots | None:
-    """Open the snapshots of the simulator; return None if it is given by equations.
-
-    Raises:
-        InputError: they do not fit the system, or the recording has several episodes.
-    """
-    path = system.config.snapshots
-    if path is None:
-        return None
-    if len(read.episodes) > 1:
-        what = (
-            f"the recording has {len(read.episodes)} episodes, but an analysis with snapshots "
-            "takes one"
-        )
-        raise InputError(what, hint="analyse one episode at a time")
-    return open_snapshots(path, system)
-
-
-def _check_steps(config: Config, span: float, dt: float) -> None:
-    if span > MAX_STEPS * dt:
-        what = f"the recording spans {span:g}, which takes too many steps of {dt:g}"
-        hint = f"the limit is {MAX_STEPS} steps: is the unit of time the same in both?"
-        raise InputError(what, where=config.where("system.integrator.dt"), hint=hint)
-
-
-def _noise(raw: Sequence[Recording], splits: Sequence[Split]) -> dict[str, float]:
-    """Return the noise σ of every fit and validation sensor, from the fit window."""
-    early = []
-    for recording, split in zip(raw, splits, strict=True):
-        seen = recording.select([name for name in recording.names if name not in split.test])
-        early.append(seen.between(float(recording.times[0]), split.time_end))
-    return dict(zip(early[0].names, noise_std(*early).tolist(), strict=True))

@@ -16,8 +16,9 @@ from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import SensorFault
 from dashred.pipeline.assimilation import sensor_data
+from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.discovery.least_squares import build_least_squares, exact_simulator
-from dashred.pipeline.problem import Problem, build_problem
+from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.ensembles import simulate_ensemble, split_members
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 from dashred.reporting.text.sensor_faults import fault_text

@@ -17,7 +17,8 @@ from dashred.config import Config, load_config
 from dashred.core.errors import InputError
 from dashred.physics.solvers.simulate import simulate
 from dashred.pipeline import equations
-from dashred.pipeline.problem import Problem, build_problem
+from dashred.pipeline.build_problem import build_problem
+from dashred.pipeline.problem import Problem
 
 NOISE = 0.02
 

@@ -21,10 +21,11 @@ from dashred.pipeline import equations
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.api.result import Result
 from dashred.pipeline.api.simulator import Simulator
+from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.discovery.segments.relinearisation import with_fitted_readings
 from dashred.pipeline.outputs import report
 from dashred.pipeline.outputs.figures import figures_of
-from dashred.pipeline.problem import Problem, build_problem
+from dashred.pipeline.problem import Problem
 from dashred.pipeline.run.checkpoints import NoCheckpoints
 from dashred.pipeline.run.output_dir import clear_output, named_output
 from dashred.pipeline.run.provenance import write_record, write_summary

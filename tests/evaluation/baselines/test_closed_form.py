@@ -15,7 +15,8 @@ from dashred.evaluation.baselines.closed_form import Traces, closed_form, eigenv
 from dashred.evaluation.twins import record_command
 from dashred.physics.runs.initial_state_prior import StartPrior, gaussian_process_modes
 from dashred.physics.system import System
-from dashred.pipeline.problem import Problem, build_problem
+from dashred.pipeline.build_problem import build_problem
+from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 
 RATES = -torch.tensor([0.0, 0.05, 0.2, 0.45], dtype=torch.float64)

@@ -10,7 +10,8 @@ import pytest
 import torch
 
 from dashred.config import load_config
-from dashred.pipeline.problem import Problem, build_problem
+from dashred.pipeline.build_problem import build_problem
+from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.ensembles import simulate_nudged_ensemble
 from dashred.pipeline.simulation.nominal_run import NominalRun, simulate_nominal
 from dashred.pipeline.simulation.nudging import is_lost

@@ -29,8 +29,9 @@ from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis
 from dashred.inference.initial_state.start_models import project_state
 from dashred.physics.system import Term
 from dashred.physics.window import window_shapes
+from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.discovery.least_squares import build_least_squares, exact_simulator
-from dashred.pipeline.problem import Problem, build_problem
+from dashred.pipeline.problem import Problem
 
 # Kinds whose laws act everywhere; only for these can all rivals be enumerated.
 ENUMERABLE_KINDS: tuple[Kind, ...] = ("terms", "hidden", "parameter")

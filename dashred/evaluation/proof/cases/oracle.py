@@ -32,9 +32,10 @@ from dashred.inference.initial_state.start_models import StartModel, project_sta
 from dashred.physics.library import resolve
 from dashred.physics.system import Term
 from dashred.physics.window import window_shapes
+from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
 from dashred.pipeline.discovery.least_squares import build_least_squares, exact_simulator
-from dashred.pipeline.problem import Problem, build_problem
+from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 from dashred.pipeline.simulation.state_samples import StateSamples
 
