@@ -20,9 +20,7 @@ from dashred.data.stated.known_factor import with_even_noise
 from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
 from dashred.pipeline.build_problem import build_problem
-from dashred.pipeline.problem import (
-    Problem,
-)
+from dashred.pipeline.problem import Problem
 from dashred.pipeline.read_recorded import read_recorded
 from dashred.pipeline.readings_of_state import readings_of_state
 
