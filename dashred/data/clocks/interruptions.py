@@ -42,7 +42,7 @@ def _is_planned(begin: float, end: float, others: Sequence[Times]) -> bool:
     """Return whether at least half of the other episodes, and one at least, have an interval."""
     most = SAME * (end - begin)
     same = [
-        ((np.abs(times[:-1] - begin) <= most) & (np.abs(times[1:] - end) <= most)).any()
+        bool(((np.abs(times[:-1] - begin) <= most) & (np.abs(times[1:] - end) <= most)).any())
         for times in others
     ]
     return any(same) and 2 * sum(same) >= len(same)
