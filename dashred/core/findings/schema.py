@@ -187,10 +187,15 @@ class Input(TypedDict):
 
 
 class SpentBudget(TypedDict):
-    """The budget in seconds, the time spent when the findings were made, and what was left out."""
+    """The budget and the time spent when the findings were made, in seconds, and what was left out.
+
+    `cpu` is the CPU time of the process and of the programs that it has run. If it is far below
+    `spent`, the machine was busy with something else.
+    """
 
     seconds: float
     spent: float
+    cpu: NotRequired[float]
     not_tried: list[str]
 
 
