@@ -110,7 +110,7 @@ def observability_remarks(
     strongest = f" (the strongest of {size})" if count < size else ""
     part = ""
     if observed.samples < len(context.times):
-        part = f" (the check had time for {observed.samples} of {len(context.times)} samples)"
+        part = f" (the first {observed.samples} of {len(context.times)} samples)"
     yield Remark(
         f"Up to t = {end:.6g}{part} the sensors resolve {visible} of {count} modes of the initial "
         f"state{strongest} above their noise"
