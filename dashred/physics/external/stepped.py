@@ -203,5 +203,4 @@ class SteppedProgram:
 
 def _finite_rows(states: Array) -> NDArray[np.bool_]:
     """Return which states ``(batch, field, *grid)`` are finite, ``(batch,)``."""
-    finite: NDArray[np.bool_] = np.isfinite(states).reshape(len(states), -1).all(axis=1)
-    return finite
+    return np.asarray(np.isfinite(states).reshape(len(states), -1).all(axis=1))
