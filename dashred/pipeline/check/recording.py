@@ -128,9 +128,7 @@ def _gaps(recording: Recording, every: float | None) -> Iterator[Remark]:
     yield _gap_warning(recording, gaps, MAX_GAP, f"gaps are not interpolated; {hint}")
 
 
-def _interruptions(
-    recording: Recording, others: Sequence[NDArray[np.float64]]
-) -> Iterator[Remark]:
+def _interruptions(recording: Recording, others: Sequence[NDArray[np.float64]]) -> Iterator[Remark]:
     """Describe interruptions; many of them are an uneven sampling."""
     step = native_step(recording.times)
     gaps = interruptions(recording.times, MAX_GAP_KEPT * step, others)
@@ -138,9 +136,7 @@ def _interruptions(
         yield _gap_warning(recording, gaps, MAX_GAP_KEPT, RESTARTED)
 
 
-def _gap_warning(
-    recording: Recording, gaps: NDArray[np.intp], longer: float, hint: str
-) -> Remark:
+def _gap_warning(recording: Recording, gaps: NDArray[np.intp], longer: float, hint: str) -> Remark:
     """Return a warning of gaps, ``(gap,)`` samples, that are longer than some steps."""
     steps = np.diff(recording.times)
     worst = int(gaps[steps[gaps].argmax()])
