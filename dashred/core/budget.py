@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -44,6 +45,16 @@ class Deadline:
 NEVER = Deadline()
 
 
+def cpu_seconds() -> float:
+    """Return the CPU seconds of this process, its threads, and processes that it has ended."""
+    return sum(os.times()[:4])
+
+
+def duration(clock: float, cpu: float) -> str:
+    """Return a duration in words: ``75 s (12 s of CPU)``. A busy machine gives little CPU."""
+    return f"{clock:.3g} s ({cpu:.2g} s of CPU)"
+
+
 def in_time(compute: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     """Return the results for some items, in order, as far as the time allows."""
     results = []
@@ -62,22 +73,29 @@ class Budget:
     Attributes:
         seconds: length of the run; infinite without a bound.
         began: start of the run, on the clock of :func:`time.monotonic`.
+        began_cpu: CPU seconds of the process at the start (:func:`cpu_seconds`).
         not_tried: what was left out or stopped early for lack of time, in order.
     """
 
     seconds: float = math.inf
     began: float = 0.0
+    began_cpu: float = 0.0
     not_tried: list[str] = field(default_factory=list)
 
     @classmethod
     def begin(cls, seconds: float) -> Budget:
         """Return a budget whose time begins now."""
-        return cls(seconds, time.monotonic())
+        return cls(seconds, time.monotonic(), cpu_seconds())
 
     @property
     def spent(self) -> float:
         """Seconds since the start."""
         return time.monotonic() - self.began
+
+    @property
+    def cpu(self) -> float:
+        """CPU seconds since the start."""
+        return cpu_seconds() - self.began_cpu
 
     @property
     def left(self) -> float:

@@ -90,12 +90,18 @@ def check_input(
     raise InputError(problem, where=where, hint="correct the value, or remove the row")
 
 
-def check_gaps(times: NDArray[np.float64], values: NDArray[np.float64], where: str) -> None:
-    """Check that an input that is interpolated is not empty for long.
+def check_gaps(
+    times: NDArray[np.float64],
+    values: NDArray[np.float64],
+    samples: NDArray[np.float64],
+    where: str,
+) -> None:
+    """Check that an input that is interpolated is not empty for long between the samples.
 
     Args:
         times: of the rows, increasing, ``(row,)``.
         values: of the input, ``(row,)``; NaN where its cell is empty. One at least is known.
+        samples: times of the samples that are used, increasing, ``(sample,)``.
         where: location for error messages.
 
     Raises:
@@ -106,6 +112,7 @@ def check_gaps(times: NDArray[np.float64], values: NDArray[np.float64], where: s
     if not len(steps):
         return
     long = (np.diff(known) > 1) & (steps > MAX_INPUT_GAP * np.median(steps))
+    long &= (times[known[:-1]] < samples[-1]) & (times[known[1:]] > samples[0])
     if not long.any():
         return
     first = int(np.argmax(long))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dashred.config import Config, config_sha256
-from dashred.core.budget import OutOfTimeError
+from dashred.core.budget import OutOfTimeError, duration
 from dashred.core.errors import InputError
 from dashred.core.tracking import RunTracker
 from dashred.inference.forward.first_compilation import compile_integrators
@@ -86,11 +86,13 @@ def simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
     except OutOfTimeError:
         raise InputError(
             f"the simulations take longer than their part of the budget of "
-            f"{problem.budget.seconds:g} s",
+            f"{problem.budget.seconds:g} s: {duration(problem.budget.spent, problem.budget.cpu)} "
+            "since the start",
             where=problem.config.where("budget"),
             hint=hint_of_failure(
                 problem.system.program,
-                "give a larger budget, a coarser grid, or fewer simulation.members",
+                "give more time, budget=SECONDS, a coarser grid, or fewer simulation.members; "
+                "other work on the machine takes time, too",
             ),
         ) from None
 

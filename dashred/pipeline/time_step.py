@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dashred.core.budget import Budget, Deadline, OutOfTimeError
+from dashred.core.budget import Budget, Deadline, OutOfTimeError, duration
 from dashred.core.errors import InputError
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
@@ -90,12 +90,19 @@ def with_time_step(
             if _change(coarse, fine, recording, allowed, deadline) <= 1:
                 why = f"time step: {tried:.6g}{of}, chosen for an error far below the noise"
                 return fixed.with_step(tried), why
-        reason = ""
     except OutOfTimeError:
-        reason = ", and the budget gives no more time to choose"
+        used = duration(budget.spent, budget.cpu)
+        raise InputError(
+            f"the part of the budget of {budget.seconds:g} s for the simulations ended, after "
+            f"{used}, while the time step was chosen: it had come down to {tried:.3g}",
+            where=system.where("budget"),
+            hint=hint_of_failure(
+                system.program, "give more time, budget=SECONDS, or give system.integrator.dt"
+            ),
+        ) from None
     hint = "give system.integrator.dt, or look at the signs of the equations"
     raise InputError(
-        f"a time step of {tried:.3g} is still too long for the noise of the recording{reason}",
+        f"a time step of {tried:.3g} is still too long for the noise of the recording",
         where=system.where("system.integrator"),
         hint=hint_of_failure(system.program, hint),
     )

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from dashred.core.budget import NEVER, Budget, Deadline, OutOfTimeError, in_time
+from dashred.core.budget import NEVER, Budget, Deadline, OutOfTimeError, duration, in_time
 
 
 def test_a_deadline_is_over_when_its_time_has_come() -> None:
@@ -25,6 +25,17 @@ def test_shares_are_measured_from_the_beginning_of_the_run() -> None:
     assert not budget.deadline(0.6).is_over
     assert budget.spent == pytest.approx(50, abs=1)
     assert budget.left == pytest.approx(50, abs=1)
+
+
+def test_the_time_on_the_clock_and_the_time_of_the_processor_differ() -> None:
+    budget = Budget.begin(100.0)
+    time.sleep(0.2)
+    assert budget.cpu < 0.1 < budget.spent
+    end = time.process_time() + 0.1
+    while time.process_time() < end:
+        pass
+    assert budget.cpu >= 0.05
+    assert duration(75.0, 12.0) == "75 s (12 s of CPU)"
 
 
 def test_a_budget_without_a_bound_never_ends() -> None:

@@ -92,8 +92,9 @@ class Fit(HeldOut):
 
     `noise_correlation` is the largest correlation of neighbouring samples over all quantities.
     `own_error` is the numerical error of the simulator at the start of the recording, in standard
-    deviations of the noise; null if the law diverges or is not told. If it exceeds 1,
-    `sufficient_dt` is a time step with which it does not, and else null.
+    deviations of the noise, at most 1e6; null if the law diverges or is not told. If it exceeds 1,
+    `sufficient_dt` is a time step with which it does not, and else null. `failure` tells how
+    many steps of a program that is the simulator failed, and what it said then.
     `comparisons` tell whether held-out data support the law.
     `misfit_at_test_sensors` is the RMSE of the corrected simulator at each test sensor, in
     standard deviations of the noise.
@@ -103,6 +104,7 @@ class Fit(HeldOut):
     noise_std: dict[str, float] | None
     noise_correlation: float | None
     own_error: float | None
+    failure: NotRequired[str | None]
     sufficient_dt: NotRequired[float | None]
     chi2: float | None
     unexplained: float | None
@@ -187,10 +189,15 @@ class Input(TypedDict):
 
 
 class SpentBudget(TypedDict):
-    """The budget in seconds, the time spent when the findings were made, and what was left out."""
+    """The budget and the time spent when the findings were made, in seconds, and what was left out.
+
+    `cpu` is the CPU time of the process and of the programs that it has run. If it is far below
+    `spent`, the machine was busy with something else.
+    """
 
     seconds: float
     spent: float
+    cpu: NotRequired[float]
     not_tried: list[str]
 
 

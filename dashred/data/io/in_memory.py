@@ -6,7 +6,6 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from dashred.core.errors import InputError
-from dashred.data.clocks.record_part import part_of
 from dashred.data.episodes import Episodes
 from dashred.data.io.read_csv import episodes_of_table
 from dashred.data.io.read_netcdf import episodes_of_dataset
@@ -47,8 +46,7 @@ def read_in_memory(
         if sensors is not None:
             problem = "a Dataset describes its sensors itself, but sensors= is given"
             raise InputError(problem, where=RECORDING, hint="leave sensors= out")
-        whole = episodes_of_dataset(recording, RECORDING, system)
-        return part_of(whole, layout.part, RECORDING)
+        return episodes_of_dataset(recording, RECORDING, system, layout.part)
     if is_frame(recording):
         table = FrameTable.of(recording, RECORDING, "time")
         return episodes_of_table(table, table_of_sensors(sensors), system, layout)

@@ -152,15 +152,26 @@ def episodes_of_table(
         )
         recording = replace(recording, units=stated.units)
         if inputs:
-            own = {column: found[rows] for column, found in inputs.items()}
-            recording = _driven(recording, own, system, stretch.location(path))
+            recording = _with_readings(recording)
             if len(recording.times) < fewest:
                 problem = f"{len(recording.times)} rows with readings are too few: at least "
                 raise InputError(f"{problem}{fewest} are needed", where=stretch.location(path))
         return Episode(stretch.name, recording)
 
     whole = Episodes(tuple(map(episode, parts)), tuple(left_out))
-    return part_of(whole, layout.part, path, clock.of_date)
+    chosen = part_of(whole, layout.part, path, clock.of_date)
+    if not inputs:
+        return chosen
+    stretches = {stretch.name: stretch for stretch in parts}
+
+    def driven(episode: Episode) -> Episode:
+        stretch = stretches[episode.name]
+        own = {column: found[stretch.rows] for column, found in inputs.items()}
+        where, samples = stretch.location(path), episode.recording
+        signals = _signals(times[stretch.rows], own, samples.times, system, where)
+        return replace(episode, recording=replace(samples, inputs=signals))
+
+    return replace(chosen, episodes=tuple(map(driven, chosen.episodes)))
 
 
 def _inputs(
@@ -185,23 +196,32 @@ def _inputs(
     return found
 
 
-def _driven(
-    recording: Recording,
+def _with_readings(recording: Recording) -> Recording:
+    """Return the samples with at least one reading: a row may contain inputs only."""
+    seen = ~np.isnan(recording.values).all(axis=1)
+    return replace(recording, times=recording.times[seen], values=recording.values[seen])
+
+
+def _signals(
+    times: NDArray[np.float64],
     columns: dict[str, NDArray[np.float64]],
+    samples: NDArray[np.float64],
     system: SystemDescription,
     path: str,
-) -> Recording:
-    """Return one episode with its inputs.
+) -> InputSignals:
+    """Return the inputs of one episode, at the rows in which at least one has a value.
 
-    A row may contain a reading, an input, or both. The rows of the inputs are those in which at
-    least one has a value, and the samples are the rows in which at least one sensor has.
+    Args:
+        times: of all rows of the episode, ``(row,)``.
+        columns: values of every input, ``(row,)`` each; NaN where a cell is empty.
+        samples: times of the samples that are used, ``(sample,)``.
+        system: tells which inputs hold their values.
+        path: location for error messages.
 
     Raises:
-        InputError: an input has no value, or begins after the episode or ends before it.
+        InputError: an input has no value, is empty for long between the samples, or begins after
+            the first of them or ends before the last.
     """
-    times = recording.times
-    seen = ~np.isnan(recording.values).all(axis=1)
-    samples = replace(recording, times=times[seen], values=recording.values[seen])
     rows = ~np.all([np.isnan(values) for values in columns.values()], axis=0)
     # A held input may have its last value long before the end.
     rows[-1] |= any(column in system.held_inputs for column in columns)
@@ -212,13 +232,13 @@ def _driven(
             hint = "give a value in at least one row of each episode"
             raise InputError("the input has no values", where=where, hint=hint)
         if not hold:
-            check_gaps(times, values, where)
+            check_gaps(times, values, samples, where)
         known = fill_gaps(times, values, hold)
         available = np.flatnonzero(~np.isnan(known))
-        check_covered(samples.times, times[available], where)
+        check_covered(samples, times[available], where)
         # Before its first and after its last value, outside of the samples, an input stays.
         filled[column] = np.interp(times, times[available], known[available])[rows]
-    return replace(samples, inputs=InputSignals(times[rows], filled))
+    return InputSignals(times[rows], filled)
 
 
 def _episode_rows(table: Columns) -> list[EpisodeRows]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dashred.core.errors import InputError, nearest
 from dashred.core.files.damaged_files import reading_errors
 from dashred.core.files.external_links import check_hdf5
+from dashred.core.stated.record_part import WHOLE, RecordPart
 from dashred.core.units import TIME, check_same_unit, check_unit
 from dashred.data.checks import (
     check_covered,
@@ -22,6 +23,7 @@ from dashred.data.checks import (
     checked_recording,
     fewest_samples,
 )
+from dashred.data.clocks.record_part import part_of
 from dashred.data.episodes import Episode, EpisodeRows, Episodes, split_into_episodes
 from dashred.data.io.sensor_units import convert_sensor
 from dashred.data.io.stated_units import StatedUnits
@@ -36,8 +38,13 @@ if TYPE_CHECKING:
 MAX_BYTES = 2**32
 
 
-def read_netcdf(path: str, system: SystemDescription) -> Episodes:
+def read_netcdf(path: str, system: SystemDescription, part: RecordPart = WHOLE) -> Episodes:
     """Read a recording whose sensors are described in the file itself.
+
+    Args:
+        path: of the file.
+        system: that was recorded.
+        part: the samples that are used.
 
     Raises:
         InputError: the file is not NetCDF-4; a variable is missing, has the wrong dimensions or
@@ -45,16 +52,19 @@ def read_netcdf(path: str, system: SystemDescription) -> Episodes:
     """
     if not Path(path).is_file():
         raise InputError("no such file", where=path, hint=f"looked in {Path.cwd()}")
-    return episodes_of_dataset(_load(path), path, system)
+    return episodes_of_dataset(_load(path), path, system, part)
 
 
-def episodes_of_dataset(dataset: xr.Dataset, path: str, system: SystemDescription) -> Episodes:
+def episodes_of_dataset(
+    dataset: xr.Dataset, path: str, system: SystemDescription, part: RecordPart = WHOLE
+) -> Episodes:
     """Read a recording whose sensors are described in the dataset itself.
 
     Args:
         dataset: in the layout that ``write_netcdf`` describes.
         path: what messages call it.
         system: that was recorded.
+        part: the samples that are used.
 
     Raises:
         InputError: as :func:`read_netcdf`.
@@ -84,11 +94,15 @@ def episodes_of_dataset(dataset: xr.Dataset, path: str, system: SystemDescriptio
             place=place,
             fewest=fewest,
         )
-        if driven.values:
-            check_covered(recording.times, driven.times, f"{stretch.location(path)}, 'input_time'")
         return Episode(stretch.name, replace(recording, inputs=driven, units=stated.units))
 
-    return Episodes(tuple(map(episode, parts, inputs)))
+    chosen = part_of(Episodes(tuple(map(episode, parts, inputs))), part, path)
+    where = {stretch.name: f"{stretch.location(path)}, 'input_time'" for stretch in parts}
+    for found in chosen.episodes:
+        recording = found.recording
+        if recording.inputs.values:
+            check_covered(recording.times, recording.inputs.times, where[found.name])
+    return chosen
 
 
 def _convert_readings(

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from dashred.core.errors import InputError
-from dashred.data.clocks.record_part import part_of
 from dashred.data.episodes import Episodes
 from dashred.data.io.read_csv import read_csv
 from dashred.data.io.read_netcdf import read_netcdf
@@ -55,4 +54,4 @@ def read_episodes(
     if sensors_table is not None:
         problem = f"a NetCDF recording describes its sensors itself, but {sensors_table} is given"
         raise InputError(problem, where=path, hint="remove recording.sensors")
-    return part_of(read_netcdf(path, system), layout.part, path)
+    return read_netcdf(path, system, layout.part)

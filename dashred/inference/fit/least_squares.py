@@ -213,8 +213,13 @@ class NormalEquations:
 
     def minimum(self) -> float:
         """Return the minimum of the linearised F."""
-        everything = range(len(self.phi))
-        return float(self.target.square().sum() - self._right_side @ self.solution(everything))
+        return self.minimum_over(range(len(self.phi)))
+
+    def minimum_over(self, index: Sequence[int]) -> float:
+        """Return the minimum of the linearised F over some unknowns, with the others zero."""
+        chosen = list(index)
+        gain = self._right_side[chosen] @ self.solution(chosen)
+        return float(self.target.square().sum() - gain)
 
     def covariance(self, index: Sequence[int]) -> Tensor:
         """Return the posterior covariance ``(JᵀJ + P)⁻¹`` of some unknowns; the others are 0."""

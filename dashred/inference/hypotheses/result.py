@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.located_source import LocatedSource
+from dashred.inference.fit.nested_fits import RoomLeft
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.forcing_map import ForcingMap
@@ -60,6 +61,7 @@ class Discovery:
         also_supported: terms that the evidence supports beside the best law, with their
             coefficients, and that its forecast does not need.
         source: a localised source; None without one.
+        room_left: what the fit of the best law could still gain; None if it is not known.
     """
 
     laws: list[Law]
@@ -77,6 +79,7 @@ class Discovery:
     forcing_map: ForcingMap | None = None
     also_supported: tuple[tuple[Candidate, float], ...] = ()
     source: LocatedSource | None = None
+    room_left: RoomLeft | None = None
 
     @property
     def best(self) -> Law:

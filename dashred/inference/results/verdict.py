@@ -131,7 +131,7 @@ def _not_converged(discovery: Discovery, unexplained: float | None) -> Cause | N
         cause["reason"], cause["misfit"] = "window-not-reached", level
         cause["samples"], cause["samples_in_all"] = samples, len(discovery.noise.available)
         return cause
-    if discovery.best.chi2 > STUCK * discovery.free_chi2:
+    if _is_stuck(discovery):
         cause["reason"] = "law-not-fitted"
         cause["misfit"], cause["misfit_of_all"] = discovery.best.chi2, discovery.free_chi2
         return cause
@@ -145,6 +145,18 @@ def _not_converged(discovery: Discovery, unexplained: float | None) -> Cause | N
         cause["reason"], cause["unexplained"] = "misfit-unexplained", unexplained
         return cause
     return None
+
+
+def _is_stuck(discovery: Discovery) -> bool:
+    """Return whether the fit of the best law is incomplete.
+
+    With few readings, all candidates together fit the noise, too. A law whose misfit is not above
+    the noise is then complete if its own fit has ended, and if noise explains the difference.
+    """
+    chi2, room = discovery.best.chi2, discovery.room_left
+    if chi2 <= STUCK * discovery.free_chi2:
+        return False
+    return chi2 > 1 or room is None or not room.is_insignificant
 
 
 def _causes(discovery: Discovery, details: FaultDetails) -> list[Cause]:

@@ -39,7 +39,10 @@ class Program(Protocol):
 
     @property
     def failure(self) -> str | None:
-        """What it said when it last failed: an exception with its place, or lines of stderr."""
+        """How many of its steps failed, and what it said in the last of these; None if none did.
+
+        It is an exception with its place, lines of stderr, or that its values are not finite.
+        """
 
     def step(
         self,

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
 from dashred.core.threads import in_threads, thread_count
@@ -25,13 +26,7 @@ SINGLE = 6e-8
 
 
 class SteppedProgram:
-    """A program behind an adapter, which the first step examines.
-
-    Attributes:
-        failure: what it said when it last failed.
-    """
-
-    failure: str | None = None
+    """A program behind an adapter, which the first step examines."""
 
     def __init__(self, adapter: Adapter, grid: Grid, keep: bool = True) -> None:
         """Set the program.
@@ -45,6 +40,17 @@ class SteppedProgram:
         self._adapter, self._grid, self._keep = adapter, grid, keep
         self._conduct: Conduct | None = None
         self._calls = 0
+        self._last_failure: str | None = None
+        # Steps of single states.
+        self._steps = self._failed_steps = 0
+
+    @property
+    def failure(self) -> str | None:
+        """See :class:`dashred.physics.external.protocol.Program`."""
+        if self._last_failure is None or not self._failed_steps:
+            return None
+        count = f"{self._failed_steps} of {self._steps} steps failed"
+        return f"{count}, the last one: {self._last_failure}"
 
     @property
     def conduct(self) -> Conduct:
@@ -123,6 +129,14 @@ class SteppedProgram:
         return KeptResults(words)
 
     def _step_all(self, batch: StateBatch) -> Array:
+        result = self._step_in_the_way_found(batch)
+        # A trajectory that is lost stays so, which is no failure.
+        asked = _finite_rows(batch.states)
+        self._steps += int(asked.sum())
+        self._failed_steps += int((asked & ~_finite_rows(result)).sum())
+        return result
+
+    def _step_in_the_way_found(self, batch: StateBatch) -> Array:
         result = self._step_groups(batch, self.conduct)
         if self.conduct.many and not self._is_same_alone(batch, result):
             self._conduct = self.conduct.one_by_one()
@@ -175,11 +189,18 @@ class SteppedProgram:
                 alone = conduct.one_by_one()
                 rows = [self._stepped(batch.take([i]), alone) for i in range(len(batch))]
                 return np.concatenate(rows)
-            self.failure = f"{self._adapter.name} {error}"
+            if _finite_rows(batch.states).any():
+                self._last_failure = f"{self._adapter.name} {error}"
             return np.full_like(batch.states, np.nan)
-        finite = np.isfinite(result).reshape(len(batch), -1).all(axis=1)
-        if not finite.all():
-            when = f"at t = {batch.t[int(np.argmin(finite))]:g}"
-            self.failure = f"{self._adapter.name} returns values that are not finite, {when}"
-            result[~finite] = np.nan
+        finite = _finite_rows(result)
+        failed = np.flatnonzero(_finite_rows(batch.states) & ~finite)
+        if failed.size:
+            when = f"at t = {batch.t[failed[0]]:g}"
+            self._last_failure = f"{self._adapter.name} returns values that are not finite, {when}"
+        result[~finite] = np.nan
         return result
+
+
+def _finite_rows(states: Array) -> NDArray[np.bool_]:
+    """Return which states ``(batch, field, *grid)`` are finite, ``(batch,)``."""
+    return np.asarray(np.isfinite(states).reshape(len(states), -1).all(axis=1))

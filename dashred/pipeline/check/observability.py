@@ -79,12 +79,16 @@ def linearised_observations(context: CheckContext, nominal: NominalRun) -> Obser
     modes = _modes(nominal, count)
     operator = ObservationOperator(context.sensors, context.system)
     sigma = context.sigma(nominal.states)
+    # The first step compiles the equations, which says nothing about the next.
+    compiled = int(context.system.program is None and len(nominal.times) > 2)
     started, rows = time.perf_counter(), []
     for state, moved in _tangents(context.system, nominal, modes):
         rows.append(_observed_tangents(operator, state, moved) / sigma)
-        if time.perf_counter() - started > SECONDS and len(rows) > 1:
+        if len(rows) == 1 + compiled:
+            started = time.perf_counter()
+        elif len(rows) > 1 + compiled and time.perf_counter() - started > SECONDS:
             break
-    seconds = (time.perf_counter() - started) / (max(1, len(rows) - 1) * count)
+    seconds = (time.perf_counter() - started) / (max(1, len(rows) - 1 - compiled) * count)
     sensitivity = torch.cat([row.T for row in rows])
     return Observability(sensitivity, modes, seconds, len(rows), prior.size)
 
@@ -104,8 +108,11 @@ def observability_remarks(
     visible = int((observed.singular_values >= 1).sum())
     count, size = len(observed.modes), observed.prior_size
     strongest = f" (the strongest of {size})" if count < size else ""
+    part = ""
+    if observed.samples < len(context.times):
+        part = f" (the first {observed.samples} of {len(context.times)} samples)"
     yield Remark(
-        f"Up to t = {end:.6g} the sensors resolve {visible} of {count} modes of the initial "
+        f"Up to t = {end:.6g}{part} the sensors resolve {visible} of {count} modes of the initial "
         f"state{strongest} above their noise"
     )
     yield from _by_field(context, observed)
@@ -130,8 +137,12 @@ def _by_field(context: CheckContext, observed: Observability) -> Iterator[Remark
                 f"{field} starts as system.spread tells it: its sensor alone knows this less well"
             )
         else:
+            text = f"{field}{by} is not observed: {ratio:.0%} of its prior std remains"
+            if observed.samples < len(context.times):
+                yield Remark(f"{text}; later samples, which a run uses, may tell more")
+                continue
             yield warning(
-                f"{field}{by} is not observed: {ratio:.0%} of its prior std remains",
+                text,
                 f"no law in the equation of {field} alone can be found: add a sensor that depends "
                 "on it, or decrease its system.spread",
             )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
 from dashred.core.units import with_unit
+from dashred.data.clocks.interruptions import interruptions
 from dashred.data.clocks.resampling import MAX_GAP, native_step
 from dashred.data.clocks.time_scale import SAMPLES_PER_PERIOD, samples_per_change, suggested_step
 from dashred.data.fast_signals import is_fast
@@ -26,6 +27,7 @@ IRREGULAR = 0.05
 MAX_GAP_KEPT = 10.0
 # With this many gaps the sampling is uneven rather than interrupted.
 MANY_GAPS = 5
+RESTARTED = "if the system was restarted there, declare the parts as episodes"
 # Shares of missing values, and of values equal to the previous one, that cause a warning.
 MANY_MISSING, MANY_REPEATED = 0.1, 0.5
 # Estimated over stated noise that causes a warning.
@@ -55,18 +57,39 @@ def recording_remarks(context: CheckContext) -> Iterator[Remark]:
     is_moved = bool(context.system.axes) or every is not None
     if is_moved:
         yield from _irregular_steps(recording)
-    yield from _defects(recording, every, is_moved)
+    episodes = {"": recording, **context.others}
+    yield from _defects(recording, every, is_moved, _clocks(episodes, ""))
     estimated = _estimated_noise(recording)
     yield from _noise_remarks(recording, estimated)
     yield from _sampling_remarks(context, recording, estimated)
     for name, other in context.others.items():
-        for remark in _defects(other, every, is_moved):
+        for remark in _defects(other, every, is_moved, _clocks(episodes, name)):
             yield replace(remark, text=f"Episode {name}: {remark.text}")
 
 
-def _defects(recording: Recording, every: float | None, is_moved: bool) -> Iterator[Remark]:
-    """Describe the defects; ``is_moved`` tells whether the samples are moved to a clock."""
-    yield from _gaps(recording, every, is_moved)
+def _clocks(episodes: Mapping[str, Recording], besides: str) -> list[NDArray[np.float64]]:
+    """Return the times of all episodes but one."""
+    return [episode.times for name, episode in episodes.items() if name != besides]
+
+
+def _defects(
+    recording: Recording,
+    every: float | None,
+    is_moved: bool,
+    others: Sequence[NDArray[np.float64]],
+) -> Iterator[Remark]:
+    """Describe the defects.
+
+    Args:
+        recording: one episode.
+        every: step of the analysis clock, if it is stated.
+        is_moved: whether the samples are moved to a clock.
+        others: times of the other episodes.
+    """
+    if is_moved:
+        yield from _gaps(recording, every)
+    else:
+        yield from _interruptions(recording, others)
     yield from _missing(recording)
     yield from _sentinels(recording)
     yield from _repeated(recording)
@@ -94,24 +117,31 @@ def _irregular_steps(recording: Recording) -> Iterator[Remark]:
         )
 
 
-def _gaps(recording: Recording, every: float | None, is_moved: bool) -> Iterator[Remark]:
-    step, steps = native_step(recording.times), np.diff(recording.times)
-    step = max(step, every or 0.0)
-    longest = (MAX_GAP if is_moved else MAX_GAP_KEPT) * step
-    gaps = np.flatnonzero(steps > longest)
-    # Many gaps are an uneven sampling, which is lost only on a clock.
-    if not gaps.size or (not is_moved and gaps.size >= MANY_GAPS):
+def _gaps(recording: Recording, every: float | None) -> Iterator[Remark]:
+    """Describe intervals that a clock does not bridge."""
+    longest = MAX_GAP * max(native_step(recording.times), every or 0.0)
+    gaps = np.flatnonzero(np.diff(recording.times) > longest)
+    if not gaps.size:
         return
+    longer = f"a longer step bridges short gaps: recording.every={longest:.3g}"
+    hint = RESTARTED if gaps.size < MANY_GAPS else longer
+    yield _gap_warning(recording, gaps, MAX_GAP, f"gaps are not interpolated; {hint}")
+
+
+def _interruptions(recording: Recording, others: Sequence[NDArray[np.float64]]) -> Iterator[Remark]:
+    """Describe interruptions; many of them are an uneven sampling."""
+    step = native_step(recording.times)
+    gaps = interruptions(recording.times, MAX_GAP_KEPT * step, others)
+    if 0 < gaps.size < MANY_GAPS:
+        yield _gap_warning(recording, gaps, MAX_GAP_KEPT, RESTARTED)
+
+
+def _gap_warning(recording: Recording, gaps: NDArray[np.intp], longer: float, hint: str) -> Remark:
+    """Return a warning of gaps, ``(gap,)`` samples, that are longer than some steps."""
+    steps = np.diff(recording.times)
     worst = int(gaps[steps[gaps].argmax()])
-    episodes = "if the system was restarted there, declare the parts as episodes"
-    longer = f"a longer step bridges short gaps: recording.every={MAX_GAP * step:.3g}"
-    yield warning(
-        f"{plural(gaps.size, 'gap')} longer than {longest / step:g} steps; the longest, "
-        f"{steps[worst]:.4g}, starts at t = {recording.times[worst]:.6g}",
-        f"gaps are not interpolated; {episodes if gaps.size < MANY_GAPS else longer}"
-        if is_moved
-        else episodes,
-    )
+    text = f"{plural(gaps.size, 'gap')} longer than {longer:g} steps; the longest, "
+    return warning(f"{text}{steps[worst]:.4g}, starts at t = {recording.times[worst]:.6g}", hint)
 
 
 def _missing(recording: Recording) -> Iterator[Remark]:

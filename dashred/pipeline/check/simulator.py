@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ import torch
 from torch import Tensor
 
 from dashred.core.errors import InputError
+from dashred.physics.external.failure import hint_of_failure
 from dashred.physics.library import check_collinear, uninformative_terms
 from dashred.physics.runs.initial_state_prior import (
     StartPrior,
@@ -76,9 +78,14 @@ def run_nominal(context: CheckContext) -> NominalRun:
     """
     system, times = context.system, context.times
     start = nominal_start(system)
-    _, seconds = timed_simulation(system, start, times[:TIMED_SAMPLES])
-    each = seconds / (len(times[:TIMED_SAMPLES]) - 1)
-    count = _affordable_samples(NOMINAL_SECONDS, each, len(times))
+    each, count = 0.0, 0
+    # The first run compiles equations, which says nothing about the next. A program is run once.
+    for _ in range(2 if system.program is None else 1):
+        _, seconds = timed_simulation(system, start, times[:TIMED_SAMPLES])
+        each = seconds / (len(times[:TIMED_SAMPLES]) - 1)
+        count = _affordable_samples(NOMINAL_SECONDS, each, len(times))
+        if count == len(times):
+            break
     path, seconds = timed_simulation(system, start, times[:count])
     finite = _finite_samples(path[0])
     blows_up = MIN_SAMPLES <= finite < count
@@ -108,12 +115,17 @@ def timed_simulation(system: System, start: Tensor, times: Tensor) -> tuple[Tens
 def simulator_remarks(context: CheckContext, nominal: NominalRun) -> Iterator[Remark]:
     """Check that the simulated readings change and are resolved."""
     total, count = len(context.times), len(nominal.times)
-    within = "" if count == total else f" (the first {count} of {total} samples)"
+    why = "" if nominal.blows_up else ", as far as time allows"
+    within = "" if count == total else f" (the first {count} of {total} samples{why})"
     yield Remark(f"The simulation runs to t = {float(nominal.times[-1]):.6g}{within}")
     yield from _program_remarks(context)
     if nominal.blows_up:
+        program = context.system.program
+        failure = None if program is None else program.failure
         yield warning(
-            "The simulation blows up soon after that",
+            "The simulation blows up soon after that"
+            if failure is None
+            else f"The simulation fails soon after that: {failure}",
             "a run restarts it from the readings, or corrects it towards them",
         )
     sigma, limit = context.sigma(nominal.states), context.config.resolution_limit
@@ -217,6 +229,15 @@ def _resolution_remark(
         # As in a run: a chaotic record amplifies any error, so those of short segments are added.
         error = min(error, sensors.over_segments(system, nominal.states[:count], times).error)
     span = f", over the first {count} samples" if count < len(context.times) else ""
+    if not math.isfinite(error):
+        how = "doubled resolution" if system.program is None else "half of the time step"
+        hint = "decrease system.integrator.dt, or look at the equations"
+        return Remark(
+            f"It is not known whether the simulation is resolved: at {how} it does not stay "
+            f"finite{span}",
+            "error" if system.axes else "warning",
+            hint_of_failure(system.program, hint),
+        )
     done = "doubling the resolution" if system.program is None else "half of the time step"
     change = f"{done} changes a reading by {error:.2g} of its std{span}"
     if error <= limit:

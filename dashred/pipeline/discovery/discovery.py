@@ -49,7 +49,12 @@ from dashred.pipeline.discovery.prior_start import select_near_prior
 from dashred.pipeline.discovery.segments.library_choice import is_explained
 from dashred.pipeline.discovery.segments.segment_horizon import follow_segments
 from dashred.pipeline.discovery.segments.segment_stage import discover_in_segments, with_few_terms
-from dashred.pipeline.discovery.selected_laws import MAX_RIVALS, best_by_size, fit_best
+from dashred.pipeline.discovery.selected_laws import (
+    MAX_RIVALS,
+    best_by_size,
+    fit_best,
+    room_left_for,
+)
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.simulation.state_samples import state_samples
@@ -199,7 +204,12 @@ def discover(
         path = best_by_size(selection, nothing)
         log_best_by_size(child, path)
     part = selection.objective
-    free = part.noise.whiten(horizon.readings - part.recorded).square().sum()
+    # If the horizon did not reach the end, its misfit does not hold for the whole record.
+    free_chi2, room = comparison.laws[0].chi2, None
+    if horizon.is_complete:
+        free_chi2 = float(part.residuals(horizon.readings).square().sum()) / part.noise.count
+        fits = [nothing, *ranked]
+        room = room_left_for(part, fits, comparison.laws[0], horizon.readings, free_chi2)
     found = Discovery(
         laws=comparison.laws,
         uncorrected=comparison.uncorrected,
@@ -208,16 +218,14 @@ def discover(
         first_guess=guess.name,
         levels=horizon.levels,
         is_horizon_complete=is_complete,
-        # If the horizon did not reach the end, its misfit does not hold for the whole record.
-        free_chi2=float(free) / part.noise.count
-        if horizon.is_complete
-        else comparison.laws[0].chi2,
+        free_chi2=free_chi2,
         is_search_complete=selection.exhausted,
         path=path,
         refit_count=len(selection.tried),
         forcing_gain=comparison.forcing_gain,
         forcing_map=comparison.forcing_map,
         source=comparison.source,
+        room_left=room,
     )
     if told is not None:
         gain = 0.0

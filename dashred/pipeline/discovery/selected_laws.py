@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+
+from torch import Tensor
 
 from dashred.inference.fit.fitted_law import build_selected_law
 from dashred.inference.fit.law import Law
+from dashred.inference.fit.least_squares import LeastSquaresProblem
+from dashred.inference.fit.nested_fits import RoomLeft, room_left
 from dashred.inference.fit.stepwise_selection import (
     RefittedSet,
     Selection,
@@ -13,6 +18,7 @@ from dashred.inference.fit.stepwise_selection import (
     polish,
 )
 from dashred.inference.hypotheses.result import BestOfSize
+from dashred.inference.results.verdict import STUCK
 
 # Relative decrease of F at which a fit ends. The fit without a law needs less accuracy, because its
 # misfit is large.
@@ -56,6 +62,33 @@ def _empty_law(selection: Selection, best: RefittedSet) -> RefittedSet:
     other = objective.embed(best.phi[: objective.modes], [])
     phi, cost = choose_better(objective, own.phi, other)
     return RefittedSet((), phi, cost, cost)
+
+
+def room_left_for(
+    objective: LeastSquaresProblem,
+    fits: Sequence[RefittedSet],
+    law: Law,
+    free: Tensor,
+    free_chi2: float,
+) -> RoomLeft | None:
+    """Return what the fit of a law could still gain, if its misfit is far above the lowest.
+
+    Args:
+        objective: F of all candidates.
+        fits: fits of sets of candidates.
+        law: one of these sets, or another hypothesis.
+        free: readings of the fit of all candidates, ``(time, sensor)``.
+        free_chi2: χ²/n of that fit.
+
+    Returns:
+        None if the misfit is near the lowest, or for another hypothesis.
+    """
+    is_other = law.faults or law.window or law.source or law.start_prior_factor > 1
+    if is_other or law.chi2 <= STUCK * free_chi2:
+        return None
+    known = objective.forward_model.law.candidates
+    same = [fit for fit in fits if {known[j].key for j in fit.members} == law.keys]
+    return room_left(objective, same[0], free) if same else None
 
 
 def best_by_size(selection: Selection, nothing: RefittedSet) -> list[BestOfSize]:

@@ -103,6 +103,7 @@ def read_recording(
     sensors_table: str | None,
     inputs: Sequence[str] = (),
     part: RecordPart = WHOLE,
+    ignored: Sequence[str] = (),
 ) -> tuple[GuessedSystem, list[Recording], TableLayout]:
     """Read a recording without a configuration.
 
@@ -111,27 +112,32 @@ def read_recording(
         sensors_table: path of the table of sensors; None for an ODE.
         inputs: columns that are inputs, by their name in the file or in the configuration.
         part: the samples that are used.
+        ignored: columns that are not read, by their name in the file or in the configuration.
 
     Returns:
-        The guessed system, the episodes, and names of the columns where those of the file are
-        missing or cannot be used.
+        The guessed system, the episodes, and what a configuration has to say about the table.
 
     Raises:
         InputError: the recording or the sensor table is invalid, or a name cannot be used in an
             equation.
     """
     own, layout = read_with_guessed_names(path, is_ode=sensors_table is None)
-    layout = replace(layout, part=part)
     time = find_time_column(own, layout.step)
+    unread = tuple(_column(own, layout, name, "ignore") for name in ignored)
+    layout = replace(layout, part=part, ignored=unread)
     table: Columns = own
     if {SENSOR, VALUE} <= set(layout.headers):
         driven = GuessedSystem((), (), inputs={name: name for name in inputs})
         table = widened(own, time, StatedUnits(driven), layout)
     times = time.columns
-    driving = {name: name for name in (_input(table, layout, name) for name in inputs)}
+    driving = {name: name for name in (_column(table, layout, n, "inputs") for n in inputs)}
     _check_names([*driving], "input", path)
+    for name in unread:
+        if name in (*RESERVED, *times, *driving):
+            problem = f"the column {name!r} is needed: times, episodes and inputs are read"
+            raise InputError(problem, where="ignore")
     if sensors_table is None:
-        guessed = _system_from_columns(table, (*times, *driving))
+        guessed = _system_from_columns(table, (*times, *driving, *unread))
     else:
         guessed = _system_from_sensors(read_table(sensors_table))
     held = tuple(name for name in driving if _changes_in_steps(table.numbers(name)))
@@ -139,23 +145,27 @@ def read_recording(
     if unit := _unit_of_dates(table, time, guessed):
         guessed = replace(guessed, units={TIME: unit})
     texts = [column for column in table.columns if not has_numbers(table, column)]
-    ignored = [column for column in texts if column not in (*RESERVED, *times)]
-    unclear = tuple(column for column in ignored if may_name_sensors(table, column))
+    texts = [column for column in texts if column not in (*RESERVED, *times, *unread)]
+    unclear = tuple(column for column in texts if may_name_sensors(table, column))
     guessed = replace(guessed, texts=unclear)
     # The recording is read again below. Free the first copy, because it may be large.
     del own, table
-    read = read_episodes(path, sensors_table, guessed, replace(layout, ignored=ignored))
+    read = read_episodes(path, sensors_table, guessed, replace(layout, ignored=[*unread, *texts]))
     return guessed, [episode.recording for episode in read.episodes], layout
 
 
-def _input(table: Columns, layout: TableLayout, name: str) -> str:
-    """Return the name of the column of an input."""
+def _column(table: Columns, layout: TableLayout, name: str, argument: str) -> str:
+    """Return the name of a column that an argument of the command names.
+
+    Raises:
+        InputError: the recording does not have it.
+    """
     renamed = {header: own for own, header in layout.headers.items()}
     for candidate in (name, renamed.get(name), renamed.get(split_header(name)[0])):
         if candidate in table.columns:
             return candidate
     hint = nearest(name, [*table.columns, *renamed])
-    raise InputError(f"the recording has no column {name!r}", where="inputs", hint=hint)
+    raise InputError(f"the recording has no column {name!r}", where=argument, hint=hint)
 
 
 def _unit_of_dates(table: Columns, time: TimeColumn, guessed: GuessedSystem) -> str | None:

@@ -42,6 +42,12 @@ class Arguments:
         "columns that drive the system, such as a voltage or the weather: inputs, not fields",
         default=None,
     )
+    ignore: tuple[str, ...] | None = argument(
+        list_reader(str),
+        "NAME,...",
+        "columns that are left out, such as a set point: neither fields nor inputs",
+        default=None,
+    )
     begin: float | str | None = argument(
         _read_time,
         "TIME",
@@ -89,7 +95,8 @@ def main(argv: list[str]) -> int:
     from dashred.pipeline.init.document import document
     from dashred.pipeline.init.guess import guess_values, longest_episode
 
-    guessed, episodes, layout = read_recording(path, table, words.inputs or (), part)
+    ignored = words.ignore or ()
+    guessed, episodes, layout = read_recording(path, table, words.inputs or (), part, ignored)
     text = document(
         guessed,
         longest_episode(episodes),

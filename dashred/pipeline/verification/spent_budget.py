@@ -13,6 +13,7 @@ def note_budget(findings: Findings, budget: Budget) -> None:
         findings["budget"] = SpentBudget(
             seconds=budget.seconds,
             spent=float(round(budget.spent)),
+            cpu=float(round(budget.cpu)),
             not_tried=list(budget.not_tried),
         )
 

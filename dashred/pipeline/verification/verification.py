@@ -92,6 +92,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         noise_std=problem.noise | dict(zip(names, discovered.noise.std.tolist(), strict=False)),
         noise_correlation=float(discovered.noise.correlation.max()),
         own_error=error,
+        failure=None if problem.system.program is None else problem.system.program.failure,
         sufficient_dt=sufficient_step(problem, law, std) if too_large else None,
         chi2=discovered.best.chi2,
         unexplained=left,

@@ -106,7 +106,8 @@ def _not_converged(cause: Cause) -> str:
                 f"reach {cause['misfit_of_all']:.3g}: no sparse law was fitted to convergence"
             )
         case "budget":
-            return f"the budget of {cause['budget']:g} s was spent before the search had ended"
+            spent = f"the budget of {cause['budget']:g} s was spent before the search had ended"
+            return f"{spent}: give more time, budget=SECONDS"
     return (
         f"no tested cause explains the recording: {percent(cause['unexplained'])} of the misfit "
         "is neither the stated noise nor noise that is visible in the traces"

@@ -9,6 +9,8 @@ from dashred.core.units import NO_UNITS, TIME, with_unit
 
 # A run whose error, in standard deviations of the readings, is larger than this has diverged.
 HUGE = 1e4
+# From this numerical error on, one of the two simulations that are compared does not stay finite.
+LOST = 1e6
 # Verdicts for a simulator that is given as snapshots: no law was fitted through it.
 UNTESTED = ("mismatch", "no-mismatch-seen")
 # Verdicts whose correction is a start or a sensor.
@@ -131,19 +133,29 @@ def _predictable(findings: Mapping[str, Any], key: str) -> str:
 
 
 def resolution_warning(fit: Mapping[str, Any]) -> list[str]:
-    """Return what to do if the simulator's error exceeds the noise at the first samples."""
-    error = fit["own_error"]
+    """Return what to do if the simulator fails, or errs by more than the noise at the beginning."""
+    error, failed = fit["own_error"], []
+    if fit.get("failure"):
+        failed = [f"The simulator: {fit['failure']}. A run ends at such a step, and has no error."]
     if error is None or error <= 1:
-        return []
+        return failed
     size, dt = number(float(f"{error:.2g}")), fit.get("sufficient_dt")
     remedy = "halve the time step or double the points"
     if dt is not None:
         remedy = f"set system.integrator.dt to {number(float(f'{dt:.6g}'))}"
+    if error >= LOST:
+        return [
+            *failed,
+            "At the start of the recording, either the corrected simulation or the same at half "
+            "of the time step does not stay finite. A term that acts only there may express this. "
+            f"To check, {remedy}, and run again.",
+        ]
     return [
+        *failed,
         "At the start of the recording, the numerical error of the corrected simulation is "
         f"{size} times the noise of the sensors. The resolution was checked before the law was "
         f"known. A term that acts only there may express this error. To check, {remedy}, and run "
-        "again."
+        "again.",
     ]
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 
 from dashred.core.errors import InputError
 from dashred.core.stated.record_part import RecordPart, parse_part
@@ -86,6 +87,26 @@ def test_an_input_keeps_its_value_from_before_the_part(ode, write):
     found = read_episodes(path, None, system, layout(begin=1.0)).single(path)
     assert found.times[0] == pytest.approx(1)
     assert found.inputs.at(1.0)["power"] == 7
+
+
+def test_gaps_of_an_input_outside_of_the_part_do_not_matter(ode, write, tmp_path):
+    system = replace(ode, inputs={"e": "power"})
+    empty = {*range(10), *range(30, 38)}
+    rows = [f"{t},{i},{-i},{'' if i in empty else i}\n" for i, t in enumerate(TIMES)]
+    path = write("r.csv", "time,u,v,power\n" + "".join(rows))
+    with pytest.raises(InputError, match=r"no value between 2\.9 and 3\.8"):
+        read_episodes(path, None, system)
+    with pytest.raises(InputError, match=r"the inputs cover 1 to 3\.9"):
+        read_episodes(path, None, system, layout(end=2.5))
+    inside = layout(begin=1, end=2.9)
+    found = read_episodes(path, None, system, inside)
+    assert len(found.single(path).times) == 20
+    write_netcdf(found.single(path), tmp_path / "r.nc")
+    dataset = xr.load_dataset(tmp_path / "r.nc", engine="h5netcdf").isel(input_time=slice(5, None))
+    dataset.to_netcdf(tmp_path / "s.nc", engine="h5netcdf")
+    with pytest.raises(InputError, match="the inputs cover"):
+        read_episodes(str(tmp_path / "s.nc"), None, system)
+    read_episodes(str(tmp_path / "s.nc"), None, system, layout(begin=1.5))
 
 
 def test_every_episode_is_cut_on_its_own_clock(ode, write):

@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from dashred.inference.fit.law import SensorFault
+from dashred.inference.fit.nested_fits import RoomLeft
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.results.verdict import unexplained_share, verdict
 from dashred.physics.system import System
@@ -143,6 +144,24 @@ def test_a_misfit_above_that_of_all_candidates_has_not_converged(
 ) -> None:
     best = laws.law([laws.term(flow, "u", "u")], [0.1], chi2=chi2)
     assert verdict(laws.discovery(best, free_chi2=1.0))[0] == kind
+
+
+@pytest.mark.parametrize(
+    ("chi2", "decrease", "chance", "kind"),
+    [
+        (0.9, 0.1, 0.4, "missing-term"),
+        (1.1, 0.1, 0.4, "not-converged"),
+        (0.9, 1.5, 0.4, "not-converged"),
+        (0.9, 0.1, 0.01, "not-converged"),
+    ],
+)
+def test_a_fit_within_the_noise_has_converged_if_nothing_significant_is_left(
+    flow: System, chi2: float, decrease: float, chance: float, kind: str
+) -> None:
+    best = laws.law([laws.term(flow, "u", "u")], [0.1], chi2=chi2)
+    discovery = replace(laws.discovery(best, free_chi2=0.3), room_left=RoomLeft(decrease, chance))
+    assert verdict(discovery)[0] == kind
+    assert verdict(replace(discovery, room_left=None))[0] == "not-converged"
 
 
 @pytest.mark.parametrize("widened", [1.0, 3.0])

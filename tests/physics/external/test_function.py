@@ -261,7 +261,11 @@ def test_a_state_that_fails_later_is_nan_and_the_others_stay() -> None:
     stepped(calm, np.ones((1, 1, 2)))
     found = stepped(calm, np.array([[[1.0, 1.0]], [[1.0, 1e9]]]))
     np.testing.assert_array_equal(np.isnan(found[:, 0]), [[False, False], [True, True]])
-    assert calm.failure == f"{NAME} returns values that are not finite, at t = 1"
+    says = f"1 of 3 steps failed, the last one: {NAME} returns values that are not finite, at t = 1"
+    assert calm.failure == says
+    # A trajectory that is lost stays so: that is no further failure.
+    stepped(calm, np.full((1, 1, 2), np.nan))
+    assert calm.failure == says
 
 
 @pytest.mark.parametrize("times", [1, 3])

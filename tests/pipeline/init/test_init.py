@@ -11,7 +11,9 @@ from dashred import train
 from dashred.config import Config, load_config
 from dashred.config.checks.placeholders import refuse_unfinished_lines
 from dashred.core.errors import InputError
+from dashred.physics.system import System
 from dashred.pipeline.init import command
+from dashred.pipeline.read_recorded import read_recorded
 from tests.pipeline.init.strangers import bar_csv, swing_csv
 
 
@@ -163,6 +165,25 @@ def test_inputs_counters_and_constants_are_no_fields(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").unlink()
     with pytest.raises(InputError, match="no column 'Heater'"):
         written(tmp_path, f"path={path}", "inputs=Heater")
+
+
+def test_columns_are_left_out_by_their_name_in_the_file(tmp_path: Path) -> None:
+    rows = [f"{0.1 * i:.1f},{math.sin(0.1 * i):.3f},{i**0.5:.3f},{i % 7}" for i in range(100)]
+    path = tmp_path / "more.csv"
+    path.write_text("\n".join(["time,u,Set point (degC),q", *rows, ""]))
+    config, _ = written(tmp_path, f"path={path}", "inputs=q", "ignore=Set point (degC)")
+    assert list(config.system.fields) == ["u"]
+    assert config.recording.ignore == ["Set_point"]
+    system = System(config.system, config.where)
+    assert read_recorded(config, system).single(str(path)).names == ("u",)
+    for word, says in (
+        ("t", "no column 't'"),
+        ("time", "'time' is needed"),
+        ("q", "'q' is needed"),
+    ):
+        (tmp_path / "mine.yaml").unlink(missing_ok=True)
+        with pytest.raises(InputError, match=says):
+            written(tmp_path, f"path={path}", "inputs=q", f"ignore={word}")
 
 
 def test_dates_get_a_unit_of_the_size_of_their_step(tmp_path: Path) -> None:

@@ -133,6 +133,15 @@ def test_a_time_step_that_suffices_is_told() -> None:
     assert "halve the time step" not in told
 
 
+def test_a_simulation_that_is_lost_has_no_error_in_numbers() -> None:
+    found = doubtful(1e6)
+    found["fit"]["failure"] = "3 of 40 steps failed, the last one: function f returns nan"
+    told = summary(found, None, {})
+    assert "does not stay finite." in told
+    assert "The simulator: 3 of 40 steps failed, the last one: function f returns nan." in told
+    assert "1e+06" not in told
+
+
 def doubtful(error: float | None) -> Any:
     found = findings_with()
     found["verdict"], found["causes"] = "missing-term", []

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from dashred.core.budget import duration
 from dashred.core.threads import is_given_up
 from dashred.physics.external.state_batch import ProgramError
 
@@ -50,13 +51,15 @@ def run_process(words: list[str], folder: Path, seconds: float) -> None:
             raise ProgramError(f"cannot be started: {error.strerror}") from None
         try:
             code = _wait(process, seconds)
+            cpu = _cpu_of_group(process.pid) if code is None else None
         finally:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
     if code is None:
-        hint = "raise system.simulator.time_limit if it needs longer"
-        raise ProgramError(f"has not ended after {seconds:.3g} s{_said(folder)}", hint)
+        hint = "raise system.simulator.time_limit if it needs longer, or if the machine is busy"
+        used = f"{seconds:.3g} s" if cpu is None else duration(seconds, cpu)
+        raise ProgramError(f"has not ended after {used}{_said(folder)}", hint)
     if code:
         how = f"exit code {code}" if code > 0 else f"signal {_signal_name(-code)}"
         raise ProgramError(f"fails with {how}{_said(folder)}")
@@ -71,6 +74,22 @@ def _wait(process: subprocess.Popen[bytes], seconds: float) -> int | None:
             if (code := process.poll()) is not None:
                 return code
     return None
+
+
+def _cpu_of_group(group: int) -> float | None:
+    """Return the CPU seconds of the processes of a group, and of those that they have waited for.
+
+    None where the system does not tell it.
+    """
+    ticks, known = 0, False
+    for file in Path("/proc").glob("[0-9]*/stat"):
+        # A process may have ended since.
+        with suppress(OSError):
+            # The name of the command, in parentheses, may contain blanks.
+            values = file.read_text(errors="replace").rpartition(")")[2].split()
+            if int(values[2]) == group:
+                ticks, known = ticks + sum(map(int, values[11:15])), True
+    return ticks / os.sysconf("SC_CLK_TCK") if known else None
 
 
 @contextmanager
