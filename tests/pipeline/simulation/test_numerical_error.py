@@ -16,6 +16,7 @@ from dashred.physics.system import System
 from dashred.pipeline.simulation.numerical_error import (
     CHECKED_SHARE,
     MAX_ERROR,
+    VISIBLE,
     numerical_error,
     sufficient_step,
 )
@@ -90,11 +91,11 @@ def test_the_longest_step_that_suffices_is_told(tmp_path) -> None:
     error = numerical_error(whole, law, SIGMA)
     assert error is not None and error > 1
     dt = sufficient_step(whole, law, SIGMA)
-    assert dt in (0.25, 0.125)
+    assert dt in (0.125, 0.0625)
     for step, suffices in ((dt, True), (2 * dt, False)):
         whole.system = system.with_step(step)
         error = numerical_error(whole, law, SIGMA)
-        assert error is not None and (error <= 1) == suffices
+        assert error is not None and (error <= VISIBLE) == suffices
 
 
 def test_of_several_episodes_the_worst_one_tells(tmp_path) -> None:

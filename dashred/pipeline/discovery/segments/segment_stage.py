@@ -30,7 +30,7 @@ from dashred.pipeline.discovery.segments.relinearisation import about_fitted_par
 from dashred.pipeline.discovery.segments.segment_search import STAGE
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
-from dashred.pipeline.simulation.numerical_error import numerical_error, sufficient_step
+from dashred.pipeline.simulation.numerical_error import VISIBLE, numerical_error, sufficient_step
 from dashred.pipeline.simulation.segmented_record import can_restart
 
 # Laws that are reported, and how far from the best.
@@ -97,7 +97,8 @@ def _search_with_own_step(
     law = law_from_segments(found, found.best)
     noise = segment_noise(found, fit_noise(problem)).std[: len(problem.split.fit.names)]
     error = numerical_error(problem, law, noise)
-    dt = sufficient_step(problem, law, noise) if error is not None and error > 1 else None
+    is_visible = error is not None and error > VISIBLE
+    dt = sufficient_step(problem, law, noise) if is_visible else None
     if dt is None:
         return problem, found
     finer = problem.with_step(dt, f"then {dt:.6g}, which the law needs")
