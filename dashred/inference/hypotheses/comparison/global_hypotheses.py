@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from dashred.core.budget import Budget
 from dashred.inference.hypotheses.comparison.faults_beside_laws import (
     search_faults_beside_best,
@@ -14,26 +12,37 @@ from dashred.inference.hypotheses.sensors.fault_fits import fit_sensor_hypothese
 from dashred.inference.hypotheses.sensors.start_hypotheses import fit_start_hypotheses
 
 
-def fit_global_hypotheses(
+def fit_fault_hypotheses(
     best: HypothesisFit, null: HypothesisFit, budget: Budget
 ) -> list[HypothesisFit]:
-    """Return the laws, and the hypotheses that add a sensor fault or an initial state.
+    """Return the laws, and the hypotheses that add sensor faults to them.
 
     Args:
         best: the best law that acts everywhere.
         null: the uncorrected simulator.
-        budget: gets the hypotheses for which there was no time.
+        budget: gets the faults beside the law if there was no time for them.
+
+    Raises:
+        OutOfTimeError: there was no time for the faults without a law.
     """
-    score = best.law.score
-    families: list[tuple[str, Callable[[], list[HypothesisFit]]]] = [
-        ("sensor faults", lambda: fit_sensor_hypotheses(null, score + AMBIGUITY_MARGIN)),
-        ("another initial state", lambda: fit_start_hypotheses(null, score + REJECTION_MARGIN)),
-    ]
-    fits = [null]
-    if best.law.candidates:
-        fits.insert(0, best)
-        beside = ("sensor faults beside the law", lambda: search_faults_beside_best([best], set()))
-        families.insert(1, beside)
-    for name, fit_family in families:
-        fits += budget.attempt(name, fit_family, [])
-    return fits
+    faults = fit_sensor_hypotheses(null, best.law.score + AMBIGUITY_MARGIN)
+    if not best.law.candidates:
+        return [null, *faults]
+    beside: list[HypothesisFit] = budget.attempt(
+        "sensor faults beside the law", lambda: search_faults_beside_best([best], set()), []
+    )
+    return [best, null, *faults, *beside]
+
+
+def fit_other_starts(
+    best: HypothesisFit, null: HypothesisFit, budget: Budget
+) -> list[HypothesisFit]:
+    """Return the hypothesis of another initial state, or none.
+
+    Args:
+        best: the best law that acts everywhere.
+        null: the uncorrected simulator.
+        budget: gets the hypothesis if there was no time for it.
+    """
+    bound = best.law.score + REJECTION_MARGIN
+    return budget.attempt("another initial state", lambda: fit_start_hypotheses(null, bound), [])
