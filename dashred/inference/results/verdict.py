@@ -197,7 +197,7 @@ def _outside(**details: float) -> Cause:
 
 
 def _kind(law: Law) -> Verdict:
-    if law.start_prior_factor > 1:
+    if law.has_other_start:
         return "initial-condition"
     if law.faults and not law.candidates:
         return "sensor-fault"
@@ -216,7 +216,7 @@ def _cause(kind: Verdict, probability: float, law: Law, details: FaultDetails) -
         return _sensor_fault(probability, details(law.faults[0]))
     touched = {term.equation for candidate in law.candidates for term in candidate.terms}
     cause: Cause = {"kind": kind, "probability": probability, "where": None}
-    if law.start_prior_factor > 1:
+    if law.has_other_start:
         cause["start"] = law.start_prior_factor
         return cause
     cause["where"] = {"equations": sorted(touched)} if touched else None

@@ -110,7 +110,8 @@ def compare_explanations(
     )
     if not reached or null.forward_model.start is not objective.forward_model.start:
         return comparison
-    if comparison.laws[0].parts != laws[0].parts:
+    found = comparison.laws[0]
+    if found.parts != laws[0].parts or found.start_prior_factor > 1:
         return comparison
     return _with_global_laws(comparison, laws, objective)
 

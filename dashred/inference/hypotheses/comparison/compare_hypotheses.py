@@ -25,6 +25,8 @@ from dashred.inference.hypotheses.comparison.faults_beside_laws import (
 from dashred.inference.hypotheses.comparison.global_hypotheses import (
     fit_fault_hypotheses,
     fit_other_starts,
+    is_of_other_shape,
+    without_penalty,
 )
 from dashred.inference.hypotheses.comparison.local_and_extended import (
     fit_local_and_extended,
@@ -109,9 +111,14 @@ def _compare_all(
     """Compare the best law with all other hypotheses.
 
     Args:
+        full_problem: F of all candidates over the whole record.
+        best: the best law that acts everywhere.
+        null: the uncorrected simulator.
+        rivals: other laws that act everywhere and do about as well as the best.
+        additions: what may be added.
         with_faults: the laws, without and with sensor faults.
-
-    The other arguments are those of :func:`compare_hypotheses`.
+        budget: gets the hypotheses that were left out.
+        report: progress.
 
     Raises:
         OutOfTimeError: there was no time to compare them under one noise.
@@ -125,7 +132,13 @@ def _compare_all(
     if residual.is_unclear:
         # Their noise is now that of the forcing.
         fits = fit_fault_hypotheses(residual.best, residual.null, budget)
-    fits += fit_other_starts(residual.best, residual.null, budget)
+    starts = fit_other_starts(residual.best, residual.null, budget)
+    if starts and is_of_other_shape(starts[0], fits):
+        # Causes are then compared under its prior, which is no cause.
+        start = without_penalty(starts[0])
+        wide = full_problem.with_start(start.objective.forward_model.start)
+        return compare_hypotheses(wide, start, start, [], additions, budget, report)
+    fits += starts
     base_fits = residual.base_fits()
     if residual.faulty:
         fits += budget.attempt(

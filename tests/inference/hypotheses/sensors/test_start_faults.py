@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import pytest
+import torch
 
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.sensors.start_hypotheses import fit_start_hypotheses
 from dashred.inference.initial_state.start_models import ScaledStart
+from dashred.physics.solvers.simulate import simulate
 from tests import laws
-from tests.waves import Waves, fitted
+from tests.waves import TIMES, Waves, fitted
 
 SIGMA = 0.02
 
@@ -48,3 +50,19 @@ def test_it_is_found_from_a_fit_in_a_wrong_minimum(waves: Waves, far: float) -> 
     assert found.law.start_prior_factor == right.law.start_prior_factor
     assert found.law.chi2 == pytest.approx(right.law.chi2, rel=1e-3)
     assert found.law.score == pytest.approx(right.law.score, abs=10)
+
+
+def test_a_start_of_another_shape_is_no_cause(waves: Waves) -> None:
+    """Its short waves are improbable, but the start is not farther off than its spread."""
+    z = torch.zeros(waves.start.size, dtype=torch.float64)
+    z[[3, 4]] = 20.0
+    [begin] = waves.start.start(z[None])
+    recorded = waves.operator(simulate(waves.system, begin, TIMES))[0]
+    recorded += SIGMA * torch.randn(recorded.shape, generator=torch.Generator().manual_seed(1))
+    objective = waves.objective(recorded, SIGMA)
+    phi = fitted(objective)
+    [cost], _ = objective.values(phi[None])
+    null = HypothesisFit(laws.law(score=float(cost)), objective, phi)
+    [found] = fit_start_hypotheses(null)
+    assert found.law.score < null.law.score - 6
+    assert not found.law.has_other_start and not found.law.parts
