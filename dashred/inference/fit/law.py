@@ -16,7 +16,7 @@ from dashred.physics.window import Window
 # Two-sided 95 % of a normal distribution.
 Z95 = 1.959964
 # A start that is this probable under its stated prior is not told as another start.
-MAX_START_CHANCE = 1e-3
+MAX_START_CHANCE = 0.01
 # Kinds of faults that are special cases of another kind.
 SPECIAL_CASES = {"wandering": ("bias", "drift")}
 
