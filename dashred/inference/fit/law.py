@@ -15,6 +15,8 @@ from dashred.physics.window import Window
 
 # Two-sided 95 % of a normal distribution.
 Z95 = 1.959964
+# A start that is this probable under its stated prior is not told as another start.
+MAX_START_CHANCE = 0.01
 # Kinds of faults that are special cases of another kind.
 SPECIAL_CASES = {"wandering": ("bias", "drift")}
 
@@ -110,6 +112,8 @@ class Law:
         faults: faults of sensors, in addition to the law, at most one of each sensor.
         start_prior_factor: factor by which the prior of the start is widened; 1 for the stated
             prior.
+        start_chance: if it is widened, the probability that a start of the stated prior deviates as
+            much from its mean.
         source: the localised source that its terms express; None for other laws.
         parameters: uncertain parameters, fitted beside it.
     """
@@ -125,6 +129,7 @@ class Law:
     threshold: tuple[float, float] | None = None
     faults: tuple[SensorFault, ...] = ()
     start_prior_factor: float = 1.0
+    start_chance: float = 0.0
     source: LocatedSource | None = None
     parameters: tuple[FittedParameter, ...] = ()
 
@@ -168,8 +173,13 @@ class Law:
         return frozenset(found).union(self._start_parts, *(fault.parts for fault in self.faults))
 
     @property
+    def has_other_start(self) -> bool:
+        """Whether the start lies outside of its stated prior."""
+        return self.start_prior_factor > 1 and self.start_chance < MAX_START_CHANCE
+
+    @property
     def _start_parts(self) -> list[str]:
-        return ["start outside of its prior"] if self.start_prior_factor > 1 else []
+        return ["start outside of its prior"] if self.has_other_start else []
 
     @property
     def is_extended(self) -> bool:

@@ -161,6 +161,7 @@ def replace_minimum(
         new_law,
         faults=faults,
         start_prior_factor=law.start_prior_factor,
+        start_chance=law.start_chance,
         source=law.source,
     )
     return HypothesisFit(new_law, objective, fitted.phi, fit.faults)

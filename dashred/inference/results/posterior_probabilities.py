@@ -1,9 +1,13 @@
-"""Posterior probabilities of the laws that were tried: ``P(law) ∝ exp(-score/2)``."""
+"""Posterior probabilities of the laws that were tried: ``P(law) ∝ exp(-score/2)``.
+
+They add up to less than 1, because none of these laws may be right.
+"""
 
 from __future__ import annotations
 
 import math
 
+from dashred.core.findings.cause_schema import NONE_OF_THESE
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.result import Discovery
@@ -16,7 +20,7 @@ def posterior_probabilities(discovery: Discovery) -> list[tuple[Law, float]]:
         laws.append(discovery.uncorrected)
     lowest = min(law.score for law in laws)
     weights = [math.exp((lowest - law.score) / 2) for law in laws]
-    total = math.fsum(weights)
+    total = math.fsum(weights) / (1 - NONE_OF_THESE)
     return [(law, weight / total) for law, weight in zip(laws, weights, strict=True)]
 
 

@@ -8,7 +8,13 @@ from typing import cast
 
 from torch import Tensor
 
-from dashred.core.findings.cause_schema import Cause, FaultCurve, FaultySensor, Verdict
+from dashred.core.findings.cause_schema import (
+    NONE_OF_THESE,
+    Cause,
+    FaultCurve,
+    FaultySensor,
+    Verdict,
+)
 from dashred.inference.fit.law import Law, SensorFault
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.hypotheses.result import (
@@ -63,7 +69,7 @@ def verdict(
 ) -> tuple[Verdict, list[Cause]]:
     """Return the verdict and its causes, the most probable first.
 
-    A cause contains the kind of a class of laws, its share of ``Σ exp(-score/2)``, and the
+    A cause contains the kind of a class of laws, its probability, and the
     equations and changes of its best law. If the search did not converge, the reason is the only
     cause.
 
@@ -100,7 +106,7 @@ def with_faults(
 
     They are beside the leading cause; if nothing is missing, they are the verdict.
     """
-    found = [_sensor_fault(1.0, fault) for fault in faults]
+    found = [_sensor_fault(1 - NONE_OF_THESE, fault) for fault in faults]
     if found and kind == "nothing-missing":
         return "sensor-fault", [*found, *causes]
     return kind, [*causes[:1], *found, *causes[1:]]
@@ -125,7 +131,7 @@ def unexplained_share(stated: Tensor | None, found: NoiseModel) -> float | None:
 
 def _not_converged(discovery: Discovery, unexplained: float | None) -> Cause | None:
     """Return the reason why the search did not converge; None if it converged."""
-    cause: Cause = {"kind": "not-converged", "probability": 1.0, "where": None}
+    cause: Cause = {"kind": "not-converged", "probability": None, "where": None}
     if not discovery.is_horizon_complete:
         samples, level = discovery.levels[-1] if discovery.levels else (0, float("nan"))
         cause["reason"], cause["misfit"] = "window-not-reached", level
@@ -209,7 +215,7 @@ def _outside(**details: float) -> Cause:
 
 
 def _kind(law: Law) -> Verdict:
-    if law.start_prior_factor > 1:
+    if law.has_other_start:
         return "initial-condition"
     if law.faults and not law.candidates:
         return "sensor-fault"
@@ -228,7 +234,7 @@ def _cause(kind: Verdict, probability: float, law: Law, details: FaultDetails) -
         return _sensor_fault(probability, details(law.faults[0]))
     touched = {term.equation for candidate in law.candidates for term in candidate.terms}
     cause: Cause = {"kind": kind, "probability": probability, "where": None}
-    if law.start_prior_factor > 1:
+    if law.has_other_start:
         cause["start"] = law.start_prior_factor
         return cause
     cause["where"] = {"equations": sorted(touched)} if touched else None

@@ -194,7 +194,8 @@ def discover(
             compared is not None and is_record_explained(problem, compared)
         )
         # A law of many terms imitates other causes; without the comparison it is no finding.
-        is_unchecked = told is None and compared is None and len(laws[0].candidates) > MOST_TERMS
+        is_compared = compared is not None and not compared.is_cut_short
+        is_unchecked = told is None and not is_compared and len(laws[0].candidates) > MOST_TERMS
         # An error that is the same in every episode imitates a law that is missing.
         faults = comparison.laws[0].faults
         imitates = any(follows_state([c.value for c in fault.curves]) for fault in faults)

@@ -20,7 +20,11 @@ from dashred.inference.hypotheses.comparison.comparison import Additions, Compar
 from dashred.inference.hypotheses.extended.extended_library import build_extended_candidates
 from dashred.inference.hypotheses.free_forcing import fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
-from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN, MIN_FORCING_GAIN
+from dashred.inference.hypotheses.result import (
+    AMBIGUITY_MARGIN,
+    MAX_EXPLAINED_CHI2,
+    MIN_FORCING_GAIN,
+)
 from dashred.physics.runs.tendency_size import tendency_size
 from dashred.physics.window import window_shapes
 from dashred.pipeline.discovery.first_guess_stage import FittedGuess
@@ -106,7 +110,8 @@ def compare_explanations(
     )
     if not reached or null.forward_model.start is not objective.forward_model.start:
         return comparison
-    if comparison.laws[0].parts != laws[0].parts:
+    found = comparison.laws[0]
+    if found.parts != laws[0].parts or found.start_prior_factor > 1:
         return comparison
     return _with_global_laws(comparison, laws, objective)
 
@@ -213,20 +218,23 @@ def is_record_explained(problem: Problem, comparison: Comparison) -> bool:
     This is used if the horizon did not reach the end of the record. The residuals must be noise. In
     addition the hypothesis must be a local law, a source, a sensor fault or another start, or a
     free forcing must not improve the fit. If no hypothesis explains the record, but a free forcing
-    does, then the simulator lacks an effect that the library does not express.
+    does, then the simulator lacks an effect that the library does not express. If the time sufficed
+    for sensor faults only, no forcing was fitted, and the noise is that from before the comparison.
     """
-    if comparison.forcing_gain > MIN_FORCING_GAIN and comparison.forcing_map is not None:
-        return not is_noise_inflated(problem, comparison.forced_noise)
     best = comparison.laws[0]
-    if is_noise_inflated(problem, comparison.noise) and not is_start_explained(problem, best):
-        return False
     has_other_cause = (
         best.window is not None
         or best.source is not None
-        or best.faults
+        or bool(best.faults)
         or best.start_prior_factor > 1
     )
-    return bool(has_other_cause) or comparison.forcing_gain <= MIN_FORCING_GAIN
+    if comparison.is_cut_short:
+        return has_other_cause and best.chi2 < MAX_EXPLAINED_CHI2
+    if comparison.forcing_gain > MIN_FORCING_GAIN and comparison.forcing_map is not None:
+        return not is_noise_inflated(problem, comparison.forced_noise)
+    if is_noise_inflated(problem, comparison.noise) and not is_start_explained(problem, best):
+        return False
+    return has_other_cause or comparison.forcing_gain <= MIN_FORCING_GAIN
 
 
 def is_start_explained(problem: Problem, law: Law) -> bool:

@@ -174,7 +174,7 @@ def unresolved_findings(problem: Problem, resolution: Resolution) -> Findings:
         enough = {name: count * resolution.enough for name, count in points.items()}
     cause: Cause = {
         "kind": "unresolved-numerics",
-        "probability": 1.0,
+        "probability": None,
         "doubling_error": resolution.error,
         "limit": resolution.limit,
         "points": points,

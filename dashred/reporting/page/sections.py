@@ -4,6 +4,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
+from dashred.core.findings.cause_schema import NONE_OF_THESE
 from dashred.core.findings.methods import AT_SENSORS, method_label
 from dashred.core.formatting import number, percent, pretty, rounded
 from dashred.core.units import format_unit
@@ -88,10 +89,12 @@ def cause_probabilities(causes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     for cause in causes:
         if cause["kind"] in CAUSES and cause["probability"] is not None:
             known.setdefault(cause["kind"], cause["probability"])
+    none = [f"none of these {percent(NONE_OF_THESE)}"] if known else []
     listed = [f"{CAUSES[kind]} {percent(p)}" for kind, p in known.items() if p >= MIN_PROBABILITY]
     if len(listed) < len(known):
         listed.append("others less than 1 %")
-    return {"causes": listed, "several": sum(known.values()) > 1 + MIN_PROBABILITY}
+    several = sum(known.values()) > 1 - NONE_OF_THESE + MIN_PROBABILITY
+    return {"causes": [*listed, *none], "several": several}
 
 
 def errors_table(fit: Mapping[str, Any]) -> Table:

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from dashred.core.findings.cause_schema import NONE_OF_THESE
 from dashred.inference.fit.law import ErrorCurve, SensorFault
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.law_block import restrict_to_window
@@ -27,6 +28,8 @@ from dashred.reporting.text.regions import region_text
 from dashred.reporting.text.sensor_faults import fault_text
 from dashred.reporting.wording.findings_text import add_term_text, law_text
 from tests import laws
+
+CERTAIN = 1 - NONE_OF_THESE
 
 
 @pytest.fixture(scope="module")
@@ -158,8 +161,8 @@ def test_inclusion_sums_over_all_laws_with_the_term(flow: System) -> None:
     tried = laws.discovery(both, laws.law([u], [0.1], score=2.0), laws.law([lam], [1.0], score=4.0))
     first, second = terms_of_discovery(flow, tried)
     total = 1 + 0.36788 + 0.13534
-    assert first["inclusion"] == pytest.approx(1.36788 / total, rel=1e-4)
-    assert second["inclusion"] == pytest.approx(1 / total, rel=1e-4)
+    assert first["inclusion"] == pytest.approx(CERTAIN * 1.36788 / total, rel=1e-4)
+    assert second["inclusion"] == pytest.approx(CERTAIN / total, rel=1e-4)
 
 
 def test_the_empty_law_counts_once(flow: System) -> None:
@@ -171,7 +174,7 @@ def test_the_empty_law_counts_once(flow: System) -> None:
         laws.discovery(best, nothing, uncorrected=nothing),
     ):
         shares = [p for _, p in posterior_probabilities(tried)]
-        assert shares == pytest.approx([0.62246, 0.37754], rel=1e-4)
+        assert shares == pytest.approx([CERTAIN * 0.62246, CERTAIN * 0.37754], rel=1e-4)
 
 
 def test_alternatives_are_rivals_first_and_three_at_most(flow: System) -> None:

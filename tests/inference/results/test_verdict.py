@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from dashred.core.findings.cause_schema import NONE_OF_THESE
 from dashred.inference.fit.law import SensorFault
 from dashred.inference.fit.nested_fits import RoomLeft
 from dashred.inference.fit.noise_model import NoiseModel
@@ -16,6 +17,8 @@ from dashred.physics.system import System
 from dashred.physics.window import Window, gate
 from dashred.reporting.text.causes import cause_text
 from tests import laws
+
+CERTAIN = 1 - NONE_OF_THESE
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +36,7 @@ def test_each_kind_of_law_has_its_verdict(flow: System) -> None:
     for kind, best in expected.items():
         found, causes = verdict(laws.discovery(best))
         assert found == causes[0]["kind"] == kind
-        assert causes[0]["probability"] == pytest.approx(1.0)
+        assert causes[0]["probability"] == pytest.approx(CERTAIN)
     [cause, *_] = verdict(laws.discovery(expected["parameter"]))[1]
     assert cause["parameter"] == ["nu"] and cause["where"] == {"equations": ["lam", "u"]}
 
@@ -57,9 +60,9 @@ def test_a_sensor_and_the_start_may_be_the_cause(flow: System) -> None:
     # The law is probable and the fault is not, if the law is nearly as good without it.
     alone = laws.law([laws.term(flow, "u", "u")], [1.0], score=1.0)
     _, [law, doubtful, *_] = verdict(laws.discovery(both, alone, laws.law(score=50.0)))
-    assert law["probability"] == pytest.approx(1.0)
+    assert law["probability"] == pytest.approx(CERTAIN)
     assert doubtful["kind"] == "sensor-fault"
-    assert doubtful["probability"] == pytest.approx(1 / (1 + math.exp(-0.5)))
+    assert doubtful["probability"] == pytest.approx(CERTAIN / (1 + math.exp(-0.5)))
     # Either of two causes of different kinds may be the right one.
     other = laws.law([laws.term(flow, "u", "u")], [1.0], score=3.0)
     assert verdict(laws.discovery(laws.law(faults=[fault]), other))[0] == "ambiguous"
@@ -89,7 +92,7 @@ def test_an_extended_law_is_outside_the_library(flow: System) -> None:
     # Several waves may be rivals; all are outside the library.
     wave = replace(laws.term(flow, "lam", "cos(2*u)"), is_extended=True)
     found, [cause, *_] = verdict(laws.discovery(best, laws.law([wave], [0.1], score=3.0)))
-    assert found == "outside-library" and cause["probability"] == pytest.approx(1.0)
+    assert found == "outside-library" and cause["probability"] == pytest.approx(CERTAIN)
 
 
 def test_a_rival_makes_it_ambiguous_and_the_classes_share_the_probability(flow: System) -> None:
@@ -104,9 +107,9 @@ def test_a_rival_makes_it_ambiguous_and_the_classes_share_the_probability(flow: 
     assert found == "ambiguous"
     assert [cause["kind"] for cause in causes] == ["missing-term", "parameter", "nothing-missing"]
     weights = (1 + 0.082085, 0.135335)
-    assert causes[0]["probability"] == pytest.approx(weights[0] / sum(weights), rel=1e-4)
+    assert causes[0]["probability"] == pytest.approx(CERTAIN * weights[0] / sum(weights), rel=1e-4)
     assert causes[0]["terms"] == ["u: u"] and causes[0]["where"] == {"equations": ["u"]}
-    assert sum(cause["probability"] or 0.0 for cause in causes) == pytest.approx(1.0)
+    assert sum(cause["probability"] or 0.0 for cause in causes) == pytest.approx(CERTAIN)
 
 
 def test_a_larger_law_of_an_exhausted_search_is_no_rival(flow: System) -> None:

@@ -22,7 +22,12 @@ from dashred.inference.hypotheses.comparison.faults_beside_laws import (
     refit_rivals_beside_faults,
     search_faults_beside_best,
 )
-from dashred.inference.hypotheses.comparison.global_hypotheses import fit_global_hypotheses
+from dashred.inference.hypotheses.comparison.global_hypotheses import (
+    fit_fault_hypotheses,
+    fit_other_starts,
+    is_of_other_shape,
+    without_penalty,
+)
 from dashred.inference.hypotheses.comparison.local_and_extended import (
     fit_local_and_extended,
     fit_single_terms,
@@ -62,7 +67,9 @@ def compare_hypotheses(
 ) -> Comparison:
     """Compare the best law that acts everywhere with other hypotheses.
 
-    Hypotheses for which there is no time before the deadline of F are left out.
+    Sensor faults are common and quickly fitted, so they come first. If the deadline of F does not
+    leave time for the rest, the law is compared with them alone. Single hypotheses for which there
+    is no time are left out.
 
     Args:
         full_problem: F of all candidates over the whole record.
@@ -76,14 +83,62 @@ def compare_hypotheses(
     Raises:
         OutOfTimeError: there was no time for any other hypothesis.
     """
+    with_faults = fit_fault_hypotheses(best, null, budget)
+    compared = budget.attempt(
+        "causes other than sensor faults",
+        lambda: _compare_all(
+            full_problem, best, null, rivals, additions, with_faults, budget, report
+        ),
+        None,
+    )
+    if compared is not None:
+        return compared
+    noise = null.objective.noise
+    laws = distinct_laws([*(fit.law for fit in with_faults), *(fit.law for fit in rivals)])
+    return Comparison(laws, null.law, noise, noise, 0.0, None, is_cut_short=True)
+
+
+def _compare_all(
+    full_problem: LeastSquaresProblem,
+    best: HypothesisFit,
+    null: HypothesisFit,
+    rivals: Sequence[HypothesisFit],
+    additions: Additions,
+    with_faults: Sequence[HypothesisFit],
+    budget: Budget,
+    report: Report,
+) -> Comparison:
+    """Compare the best law with all other hypotheses.
+
+    Args:
+        full_problem: F of all candidates over the whole record.
+        best: the best law that acts everywhere.
+        null: the uncorrected simulator.
+        rivals: other laws that act everywhere and do about as well as the best.
+        additions: what may be added.
+        with_faults: the laws, without and with sensor faults.
+        budget: gets the hypotheses that were left out.
+        report: progress.
+
+    Raises:
+        OutOfTimeError: there was no time to compare them under one noise.
+    """
     has_rivals = len(best.law.candidates) > 1 and bool(rivals)
     residual = fit_residual_forcing(
         full_problem, best, null, has_rivals, additions.tendency_rms, report
     )
-    fits, forcing_gain = (
-        fit_global_hypotheses(residual.best, residual.null, budget),
-        residual.forcing_gain,
-    )
+    forcing_gain = residual.forcing_gain
+    fits = list(with_faults)
+    if residual.is_unclear:
+        # Their noise is now that of the forcing.
+        fits = fit_fault_hypotheses(residual.best, residual.null, budget)
+    starts = fit_other_starts(residual.best, residual.null, budget)
+    if starts and is_of_other_shape(starts[0], fits):
+        # Causes are then compared under its prior, which is no cause.
+        start = without_penalty(starts[0])
+        wide = full_problem.with_start(start.objective.forward_model.start)
+        return compare_hypotheses(wide, start, start, [], additions, budget, report)
+    fits += starts
     base_fits = residual.base_fits()
     if residual.faulty:
         fits += budget.attempt(

@@ -46,6 +46,8 @@ class Comparison:
             is clear, if nothing is missing, or if no forcing can be fitted.
         source: the localised source that the best law expresses, or that explains most of the
             misfit where no law does; None without one.
+        is_cut_short: whether the time sufficed for sensor faults only. What the best law leaves
+            unexplained is then not known.
     """
 
     laws: list[Law]
@@ -55,3 +57,4 @@ class Comparison:
     forcing_gain: float
     forcing_map: ForcingMap | None
     source: LocatedSource | None = None
+    is_cut_short: bool = False

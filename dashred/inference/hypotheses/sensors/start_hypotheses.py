@@ -12,6 +12,7 @@ from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.least_squares import NormalEquations
 from dashred.inference.hypotheses.free_forcing import evidence
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, fit_growing_horizon
+from dashred.inference.hypotheses.sensors.chance_of_start import chance_of_start
 from dashred.inference.initial_state.start_models import ScaledStart
 
 # Factors by which the prior of the initial state may be wider, and rounds of choosing one.
@@ -30,7 +31,7 @@ def fit_start_hypotheses(null: HypothesisFit, bound: float = math.inf) -> list[H
     """
     objective, phi, normal = null.objective, null.phi, null.normal
     start = objective.forward_model.start
-    size = start.size
+    size, points = start.size, math.prod(objective.forward_model.simulator.system.grid.shape)
     factor = _best_factor(normal, size, 1.0)
     if _evidence_of_factor(normal, size, factor) > _evidence_of_factor(normal, size, 1.0):
         return []
@@ -49,7 +50,11 @@ def fit_start_hypotheses(null: HypothesisFit, bound: float = math.inf) -> list[H
     plain_penalty = _penalty_part(_evidence_of_factor(plain, size, 1.0), plain)
     penalty = wide_penalty - plain_penalty
     score = fitted.cost + penalty + math.log(objective.noise.effective_count)
-    law = replace(build_law(problem, fitted, score, normal_there), start_prior_factor=previous)
+    law = replace(
+        build_law(problem, fitted, score, normal_there),
+        start_prior_factor=previous,
+        start_chance=chance_of_start(start, previous * fitted.phi[:size], points),
+    )
     return [HypothesisFit(law, problem, fitted.phi)]
 
 
