@@ -53,20 +53,20 @@ def open_program(config: System, where: Callable[[str], str], grid: Grid) -> Pro
 def _adapter(config: System, fields: tuple[str, ...], key: str, grid: Grid, place: str) -> Adapter:
     simulator = config.simulator
     assert simulator is not None
+    limit = simulator.time_limit
     if simulator.command is not None:
         axes = {
             axis.name: axis.spacing * np.arange(axis.own_points, dtype=np.float64)
             for axis in grid.axes
         }
         layout = Layout(fields, axes, config.units)
-        limit = simulator.time_limit
         return open_command(simulator.command, simulator.template, limit, layout, place)
     if simulator.fmu is not None:
         return FmuAdapter(describe_fmu(config, place), fields, place)
     if simulator.function is not None:
-        return open_function(simulator.function, fields, place)
+        return open_function(simulator.function, fields, place, limit)
     assert simulator.run is not None
-    return open_run(simulator.run, fields, place)
+    return open_run(simulator.run, fields, place, limit)
 
 
 def describe_fmu(config: System, place: str) -> Description:
