@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from dashred.inference.segments.segments import Array
 from dashred.physics.external.protocol import Program
+from dashred.physics.program_parameters import parameter_slopes
 
 # Smallest change in a difference, as a share of the largest value of any field.
 SMALLEST = 1e-12
@@ -30,6 +31,26 @@ class ProgramStep:
     program: Program
     parameters: Mapping[str, float]
     _known: dict[int, tuple[Array, Array]] = field(default_factory=dict, repr=False)
+
+    def at(self, changes: Mapping[str, float]) -> ProgramStep:
+        """Return the same with changed parameters."""
+        if not any(changes.values()):
+            return self
+        return ProgramStep(self.program, changed(self.parameters, changes))
+
+    def slopes(
+        self, names: Sequence[str], x: Array, t: Array, h: Array, inputs: Mapping[str, Array]
+    ) -> Array:
+        """Return the derivatives of a step by parameters, ``(name, segment, field)``.
+
+        See :meth:`advance` for the arguments.
+        """
+        return parameter_slopes(
+            lambda parameters: self.program.step(x, t, h, inputs, parameters),
+            self.parameters,
+            names,
+            self.program.rounding,
+        )
 
     def advance(self, x: Array, t: Array, h: Array, inputs: Mapping[str, Array]) -> Array:
         """Return the states after a step, ``(segment, field)``.
@@ -101,6 +122,11 @@ class ProgramStep:
         ends = self.advance(whole, each(t), each(h), named)
         after, others = ends[:count], ends[count:].reshape(fields, len(rows), fields)
         return after, np.moveaxis((others - after[rows]) / small[:, None, None], 0, -1)
+
+
+def changed(parameters: Mapping[str, float], changes: Mapping[str, float]) -> dict[str, float]:
+    """Return parameters with changes."""
+    return {name: value + changes.get(name, 0.0) for name, value in parameters.items()}
 
 
 def reach_of(x: Array) -> Array:

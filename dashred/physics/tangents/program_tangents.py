@@ -21,6 +21,7 @@ from torch import Tensor
 
 from dashred.physics.backends.torch_backend import Program as Expressions
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
+from dashred.physics.program_parameters import added_terms, changed_parameter
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.schedule import Step, schedule
 from dashred.physics.solvers.splitting import AddedFlow, Flow, ProgramFlow
@@ -61,8 +62,13 @@ def tangent_program(
         The state ``(field, *grid)`` and the tangents ``(column, field, *grid)``, float64:
         directions first, then sources, then basis functions.
     """
-    flow, first = ProgramFlow(system), len(directions)
-    parts = forcing, sources, first, sampled_forcing, forcing_basis
+    changes = None if forcing is None else forcing.parameter_changes()
+    flow, first = ProgramFlow(system, changes), len(directions)
+    # The columns of the program's own parameters.
+    changed = [(first + k, changed_parameter(t)) for k, terms in enumerate(sources) for t in terms]
+    moved = {k: name for k, name in changed if name is not None}
+    added_sources = [added_terms(terms) for terms in sources]
+    parts = forcing and forcing.added(), added_sources, first, sampled_forcing, forcing_basis
     added: HalfStep = _GridColumns(system, *parts) if system.axes else _OdeColumns(system, *parts)
     columns = torch.zeros((added.count, *start.shape), dtype=torch.float64)
     columns[:first] = directions
@@ -75,7 +81,10 @@ def tangent_program(
         state, columns = added(state, columns, step.t, half)
         reach = torch.maximum(reach, state.abs().reshape(len(state), -1).amax(dim=1))
         small = flow.program.rounding**0.5 * reach
+        before = state
         state, columns = carry(flow, state, columns, step.t, step.h, small)
+        if moved:
+            columns[[*moved]] += flow.slopes(before, step.t, step.h, [*moved.values()])
         state, columns = added(state, columns, step.t + half, half)
         if step.ends:
             yield state, columns
