@@ -18,6 +18,12 @@ from dashred.physics.external.state_batch import (
     as_array,
     read_fields,
 )
+from dashred.physics.external.tangents.function_tangents import (
+    JVP,
+    find_jvp,
+    step_with_tangents,
+    with_tangents,
+)
 from dashred.physics.external.user_code import last_words, load, place_of
 
 # The arrays of a call are its own, so a change is without effect; a function that changes them is
@@ -39,6 +45,7 @@ class FunctionAdapter:
         name: of the function, for messages.
         place: location of its key in the configuration.
         limit: longest time for each state of a call, in s.
+        contents: ``MODULE.FUNCTION`` of its contents; None for the name.
     """
 
     alone = (SINGLE, SAME_TIME, ANY_TIME)
@@ -52,10 +59,20 @@ class FunctionAdapter:
         name: str,
         place: str,
         limit: float = LONGEST,
+        contents: str | None = None,
     ) -> None:
-        self._function, self._limit = function, limit
+        self._function, self._limit, self._contents = function, limit, contents or name
         self._is_jax, self._unchecked = False, CHECKED_CALLS
         self.fields, self.name, self.place = tuple(fields), name, place
+
+    def with_tangents(self) -> FunctionAdapter | None:
+        """Return the adapter of its jvp, for states with tangents; None if it has none."""
+        jvp = find_jvp(self._function, self.name)
+        if jvp is None:
+            return None
+        step, fields = step_with_tangents(jvp, self.fields), with_tangents(self.fields)
+        name = f"{JVP} of {self.name}"
+        return FunctionAdapter(step, fields, name, self.place, self._limit, self._contents)
 
     def call(self, batch: StateBatch, way: Way, time: Unread | None = None) -> Array:
         """See :meth:`dashred.physics.external.adapter.Adapter.call`."""
@@ -103,7 +120,7 @@ class FunctionAdapter:
 
     def sha256(self) -> str:
         """See :meth:`dashred.physics.external.adapter.Adapter.sha256`."""
-        return module_sha256(self.name)
+        return module_sha256(self._contents)
 
 
 def open_function(name: str, fields: Sequence[str], place: str, limit: float) -> FunctionAdapter:

@@ -16,6 +16,7 @@ from dashred.physics.external.adapter import Adapter, Unread
 from dashred.physics.external.conduct import Conduct
 from dashred.physics.external.examination import examine
 from dashred.physics.external.kept.kept_results import WORTH_KEEPING, KeptResults
+from dashred.physics.external.protocol import Stepper
 from dashred.physics.external.rounding import equal
 from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
 from dashred.physics.grids.grid import Grid
@@ -29,6 +30,7 @@ class SteppedProgram:
 
     Attributes:
         failure: what it said when it last failed.
+        tangent: see :class:`dashred.physics.external.protocol.Program`.
     """
 
     failure: str | None = None
@@ -45,6 +47,7 @@ class SteppedProgram:
         self._adapter, self._grid, self._keep = adapter, grid, keep
         self._conduct: Conduct | None = None
         self._calls = 0
+        self.tangent: Stepper | None = None
 
     @property
     def conduct(self) -> Conduct:

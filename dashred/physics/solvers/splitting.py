@@ -131,6 +131,21 @@ class ProgramFlow:
         )
         return torch.from_numpy(found[:, 0])
 
+    def push(self, state: Tensor, directions: Tensor, t: float, h: float) -> tuple[Tensor, Tensor]:
+        """Return the state after a step, and the tangents ``(row, field, *grid)`` of directions.
+
+        The program offers tangents. The state is ``(field, *grid)``, and there is at least one
+        direction, ``(row, field, *grid)``.
+        """
+        assert self.program.tangent is not None
+        rows, each = state.expand_as(directions), np.ones(len(directions))
+        joined = torch.cat([rows, directions], dim=1).numpy()
+        parameters = self._changed(np.array([c[0] for c in self.changes.values()]))
+        inputs = self.inputs(t * each, h * each)
+        ends = self.program.tangent.step(joined, t * each, h * each, inputs, parameters)
+        after, moved = torch.from_numpy(ends).chunk(2, dim=1)
+        return after[0].clone(), moved
+
     def _step(self, states: Array, t: float, h: float, parameters: Mapping[str, float]) -> Array:
         each = np.ones(len(states))
         inputs = self.inputs(t * each, h * each)

@@ -5,6 +5,8 @@ The equations of a program are not known. The columns are carried along the spli
 
     P'(u) δ ≈ (P(u + ε δ) - P(u)) / ε
 
+unless the program offers its tangents.
+
 If the state has fewer values than there are columns, the differences are those along its values.
 """
 
@@ -82,7 +84,10 @@ def tangent_program(
         reach = torch.maximum(reach, state.abs().reshape(len(state), -1).amax(dim=1))
         small = flow.program.rounding**0.5 * reach
         before = state
-        state, columns = carry(flow, state, columns, step.t, step.h, small)
+        if flow.program.tangent is None:
+            state, columns = carry(flow, state, columns, step.t, step.h, small)
+        else:
+            state, columns = push(flow, state, columns, step.t, step.h)
         if moved:
             columns[[*moved]] += flow.slopes(before, step.t, step.h, [*moved.values()])
         state, columns = added(state, columns, step.t + half, half)
@@ -153,6 +158,22 @@ def carry(
     moved = torch.zeros_like(columns)
     moved[alive] = (ends[1:] - ends[0]) * scaled
     return ends[0], moved
+
+
+def push(
+    flow: ProgramFlow, state: Tensor, columns: Tensor, t: float, h: float
+) -> tuple[Tensor, Tensor]:
+    """Return what :func:`carry` does, with the tangents that the program offers."""
+    if state.numel() < len(columns):
+        unit = torch.eye(state.numel(), dtype=torch.float64).reshape(-1, *state.shape)
+        after, slopes = push(flow, state, unit, t, h)
+        return after, (columns.flatten(1) @ slopes.flatten(1)).reshape(columns.shape)
+    alive = torch.nonzero(columns.flatten(1).any(dim=1))[:, 0]
+    if not len(alive):
+        return flow(state[None], t, h)[0], columns
+    moved = torch.zeros_like(columns)
+    after, moved[alive] = flow.push(state, columns[alive], t, h)
+    return after, moved
 
 
 class _GridColumns:
