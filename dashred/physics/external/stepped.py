@@ -86,7 +86,12 @@ class SteppedProgram:
     ) -> Array:
         """See :meth:`dashred.physics.external.protocol.Program.step`."""
         own: tuple[Any, ...] = (..., *(axis.own for axis in self._grid.axes))
-        found = self._step(StateBatch(states[own], t, dt, inputs, parameters))
+        found = states[own].copy()
+        # A program may fail for a step of no length, such as those that fill up a short segment.
+        moving = np.flatnonzero(dt)
+        if moving.size:
+            batch = StateBatch(found, t, dt, inputs, parameters)
+            found[moving] = self._step(batch.take(moving))
         return self._grid.ring(torch.from_numpy(found)).numpy()
 
     def _step(self, batch: StateBatch) -> Array:
