@@ -9,6 +9,7 @@ import torch
 
 from dashred.config import load_config
 from dashred.inference.forward.candidates import Candidate, build_candidates
+from dashred.inference.results.parameter_change import exact_change
 from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import cut
 from dashred.physics.library import resolve
@@ -109,6 +110,8 @@ def test_parameters_that_a_program_reads_are_candidates(tmp_path: Path) -> None:
     assert [str(each) for each in found] == ["parameter g", "omega: omega"]
     # As for equations, a term with the same effect is no candidate.
     assert found[0].in_program and found[0].replaces == ("omega: sin(theta)",)
+    # A run has the changed value: nothing is of first order only.
+    assert exact_change(system, "g", 0.4) == 0.4
     tendency = tendency_size(system, states, 0.0)[1]
     expected = float(tendency / torch.sin(states[:, 0]).square().mean().sqrt())
     assert 0.5 * expected < found[0].scale < 2 * expected
