@@ -63,7 +63,7 @@ def test_a_jvp_is_an_attribute_or_beside_the_function(monkeypatch: pytest.Monkey
     assert find_jvp(Swing(), "tests.programs.swing") is None
 
 
-def test_the_columns_are_those_of_differences(make_system) -> None:
+def test_the_columns_are_those_of_differences(make_system: Any) -> None:
     found = []
     for name in ("swing", "swing_with_tangents"):
         system = make_system(
