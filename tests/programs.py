@@ -73,3 +73,38 @@ def slow_pendulum(
     """Return :func:`pendulum` of one state after a while."""
     time.sleep(0.03)
     return pendulum({name: float(value) for name, value in state.items()}, t, dt, {}, parameters)
+
+
+def swing(
+    state: Mapping[str, Any], t: Any, dt: Any, inputs: Any, parameters: Mapping[str, float]
+) -> dict[str, Any]:
+    """``theta'' = -g sin(theta)``, in a step of the leapfrog method."""
+    g, middle = parameters["g"], state["theta"] + dt / 2 * state["omega"]
+    omega = state["omega"] - dt * g * np.sin(middle)
+    return {"theta": middle + dt / 2 * omega, "omega": omega}
+
+
+def swing_with_tangents(
+    state: Mapping[str, Any], t: Any, dt: Any, inputs: Any, parameters: Mapping[str, float]
+) -> dict[str, Any]:
+    """Return :func:`swing`."""
+    return swing(state, t, dt, inputs, parameters)
+
+
+def swing_jvp(
+    state: Mapping[str, Any],
+    t: Any,
+    dt: Any,
+    inputs: Any,
+    parameters: Mapping[str, float],
+    tangent: Mapping[str, Any],
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return :func:`swing` and its tangent."""
+    g, middle = parameters["g"], state["theta"] + dt / 2 * state["omega"]
+    moved = tangent["theta"] + dt / 2 * tangent["omega"]
+    omega = tangent["omega"] - dt * g * np.cos(middle) * moved
+    after = swing(state, t, dt, inputs, parameters)
+    return after, {"theta": moved + dt / 2 * omega, "omega": omega}
+
+
+swing_with_tangents.jvp = swing_jvp  # type: ignore[attr-defined]

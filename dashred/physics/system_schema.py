@@ -124,8 +124,8 @@ class ExternalSimulator:
     takes the derivatives if it has them."""
 
     time_limit: Annotated[Positive, Unit("s")] = 60.0
-    """Longest time that the command may take to step one state. Each further state in a call may
-    take ten times what one took in the first call."""
+    """Longest time that the command or function may take to step one state. Each further state in
+    a call of a command may take ten times what one took in the first call."""
 
     keep: bool = True
     """Whether results of calls that take more than 5 ms are kept on disk for later runs. They count

@@ -2,7 +2,8 @@
 
 The step divides the sampling interval by a power of two. It is the largest one for which half of it
 changes the readings over one segment, a few samples, by less than a twentieth of the noise. Over
-the whole record a chaotic trajectory turns any change into another trajectory.
+the whole record a chaotic trajectory turns any change into another trajectory. An instability of
+the method hides from a few samples (:mod:`dashred.physics.runs.step_stability`).
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from dashred.inference.segments.segments import SAMPLES
 from dashred.physics.expressions.algebra import Name
 from dashred.physics.external.failure import hint_of_failure
 from dashred.physics.runs.initial_state_prior import nominal_start
+from dashred.physics.runs.step_stability import Along, is_stable
 from dashred.physics.runs.tendency_size import tendency_size
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
@@ -36,6 +38,8 @@ PROBE, SPLITTING = 0.2, 4.0
 MAX_HALVINGS = 12
 # Number of segments over the record.
 SEGMENTS = 8
+# Number of states from which perturbations grow.
+STATES = 3
 # Allowed change of a trace that is constant.
 SMALLEST = 1e-12
 
@@ -87,7 +91,8 @@ def with_time_step(
     try:
         for coarse, fine in pairwise(map(probed.with_step, steps)):
             tried = coarse.dt
-            if _change(coarse, fine, recording, allowed, deadline) <= 1:
+            change, along = _change(coarse, fine, recording, allowed, deadline)
+            if change <= 1 and is_stable(coarse, along, deadline.check):
                 why = f"time step: {tried:.6g}{of}, chosen for an error far below the noise"
                 return fixed.with_step(tried), why
     except OutOfTimeError:
@@ -148,8 +153,11 @@ def _allowed_change(
 
 def _change(
     coarse: System, fine: System, recording: Recording, allowed: Tensor, deadline: Deadline
-) -> float:
-    """Return the largest change of a reading over a segment, in units of the allowed change."""
+) -> tuple[float, Along]:
+    """Return the largest change of a reading over a segment, in units of the allowed change.
+
+    The second value has states along the simulation.
+    """
     times, operator = (
         torch.from_numpy(recording.times),
         ObservationOperator(recording.sensors, fine),
@@ -158,15 +166,17 @@ def _change(
     def timed(done: float) -> None:
         deadline.check()
 
+    end, duration = float(times[-1]), float(times[-1] - times[0])
+    nowhere = Along(torch.empty(0), times[:0], end, duration)
     try:
         start = nominal_start(fine, timed)
     except InputError:
-        return math.inf
+        return math.inf, nowhere
     rough = simulate(coarse, start, times, progress=timed)[0]
     # The states of a program differ little, and a run of it may take long.
     path = rough if coarse.program else simulate(fine, start, times, progress=timed)[0]
     if torch.isfinite(path).all() and not torch.isfinite(rough).all():
-        return math.inf
+        return math.inf, nowhere
     known = _within_range(operator(path[None])[0], recording)
     largest = 0.0
     for first in known[:: max(1, len(known) // SEGMENTS)]:
@@ -177,7 +187,9 @@ def _change(
             continue
         change = (pair[0] - pair[1]).square().mean(dim=0).sqrt() / allowed
         largest = max(largest, float(change.max().nan_to_num(nan=math.inf)))
-    return largest
+    # A call of a program may take long, and most programs choose their own stable steps.
+    probed = known[:1] if coarse.program else known[:: max(1, len(known) // STATES)]
+    return largest, Along(path[probed], times[probed], end, duration)
 
 
 def _within_range(readings: Tensor, recording: Recording) -> list[int]:

@@ -27,8 +27,8 @@ FUNCTION, NETCDF, TEXT, FMU = snippets(PAGE, "yaml")
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    step, run, solver, _ = snippets(PAGE, "python")
-    (tmp_path / "mypkg.py").write_text(f"{step}\n{run}")
+    step, jvp, run, solver, _ = snippets(PAGE, "python")
+    (tmp_path / "mypkg.py").write_text(f"{step}\n{jvp}\n{run}")
     (tmp_path / "solver.py").write_text(solver)
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
@@ -60,6 +60,18 @@ def test_the_functions_step(name: str) -> None:
     cos, sin = np.cos(0.1), np.sin(0.1)
     exact = states @ np.array([[cos, -2 * sin], [sin / 2, cos]])
     np.testing.assert_allclose(found, exact, atol=1e-3 if name == "step" else 1e-7)
+
+
+def test_the_function_offers_its_tangents() -> None:
+    text = FUNCTION.replace("mypkg.step}", "mypkg.step, keep: false}")
+    _, program = opened(text, "mypkg.step")
+    assert program.tangent is not None
+    states = np.array([[1.0, 0.0, 1.0, 0.0], [0.5, -1.0, 0.0, 1.0]])
+    each: dict[str, Any] = {"inputs": {}, "parameters": {"k": 4.0}}
+    found = program.tangent.step(states, np.zeros(2), np.full(2, 0.05), **each)
+    # The step is linear: a tangent moves as a state does.
+    moved = program.step(states[:, 2:], np.zeros(2), np.full(2, 0.05), **each)
+    np.testing.assert_allclose(found[:, 2:], moved, atol=1e-12)
 
 
 def test_the_solver_with_netcdf_steps() -> None:

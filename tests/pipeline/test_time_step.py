@@ -144,6 +144,34 @@ def test_a_field_gets_a_stable_step(tmp_path: Path) -> None:
     assert float((path - exact).abs().max()) < NOISE / 2
 
 
+def test_a_step_that_amplifies_rounding_errors_over_the_record_is_not_chosen(
+    tmp_path: Path,
+) -> None:
+    """The start is smooth: in a few samples nothing is seen of the waves that are unstable."""
+    values = {
+        "system": {
+            "title": "String",
+            "axes": {"x": {"length": 10, "points": 32, "ends": "fixed"}},
+            "fields": {"w": "deflection", "p": "momentum"},
+            "equations": {"w": "p", "p": "lap(w)"},
+            "start": {"w": "sin(pi*x/10)", "p": 0},
+            "spread": {"w": 0.1, "p": 0.1, "length": 1.5},
+        },
+        "recording": {"sensors": str(tmp_path / "sensors.csv")},
+        "splits": {"sensors": {"validate": 0, "test": 0}},
+    }
+    places = np.array([2.0, 5.0, 7.0])
+    rows = {"name": ["a", "b", "c"], "field": "w", "x": places, "std": NOISE}
+    pd.DataFrame(rows).to_csv(tmp_path / "sensors.csv", index=False)
+    times = np.linspace(0, 60, 121)
+    exact = np.cos(0.1 * math.pi * times[:, None]) * np.sin(0.1 * math.pi * places)
+    noisy = exact + NOISE * np.random.default_rng(2).standard_normal(exact.shape)
+    frame = pd.DataFrame({"time": times, "a": noisy[:, 0], "b": noisy[:, 1], "c": noisy[:, 2]})
+    system = problem_of(tmp_path, values, frame).system
+    # The largest wavenumber is 10, and Runge-Kutta steps of a wave are stable below sqrt(8)/10.
+    assert 0.1 < system.dt < math.sqrt(8) / (32 * math.pi / 10)
+
+
 def test_a_simulator_that_blows_up_keeps_a_step_for_its_beginning(tmp_path: Path) -> None:
     values = van_der_pol(0.5, equations={"x": "y", "y": "y + 0.5*x**3"})
     problem = problem_of(tmp_path, values, recorded(0.5))

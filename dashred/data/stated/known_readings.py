@@ -126,10 +126,14 @@ def known_readings(recording: Recording, system: System) -> NDArray[np.float64]:
 def check_uncertain_have_effect(system: System, sensors: Sequence[Sensor]) -> None:
     """Check that an equation or a sensor depends on every uncertain parameter.
 
+    What a program depends on is not known.
+
     Raises:
         InputError: neither an equation nor what a sensor reads depends on a parameter with a
             spread.
     """
+    if system.program is not None:
+        return
     read = [system.parse(sensor.reads, f"system.let.{sensor.reads}") for sensor in sensors]
     whole = map(system.without_lets, [*system.equations.values(), *read])
     found = set().union(*map(names, whole))

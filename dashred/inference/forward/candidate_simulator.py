@@ -62,8 +62,8 @@ class CandidateSimulator:
         self._columns: dict[str, list[int]] = {}
         first = 0
         for candidate in candidates:
-            self._columns[candidate.key] = [*range(first, first + len(candidate.terms))]
-            first += len(candidate.terms)
+            self._columns[candidate.key] = [*range(first, first + len(candidate.effects))]
+            first += len(candidate.effects)
         self._layout = CoefficientLayout(len(self.terms), shapes)
         self.has_tangents = system.program is not None or any(
             supports(system, self.terms)

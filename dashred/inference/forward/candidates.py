@@ -18,10 +18,16 @@ from dashred.physics.grids.spectral import Spectral
 from dashred.physics.let_terms import resolved_let_term
 from dashred.physics.library import COLLINEARITY_TOLERANCE, evaluate_terms, resolve
 from dashred.physics.parameter_sensitivity import parameter_tendency
-from dashred.physics.runs.tendency_size import tendency_size
+from dashred.physics.program_parameters import parameter_term
+from dashred.physics.runs.tendency_size import program_slopes, tendency_size
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
 from dashred.physics.window import Window
+
+# Number of states at which it is seen whether a program reads a parameter.
+READ_AT = 8
+# A program that takes longer for a state, in s, has no candidates for wrong parameters.
+EXPENSIVE = 0.02
 
 
 class ChangePrior(NamedTuple):
@@ -53,6 +59,7 @@ class Candidate:
         window: window in which it acts; None everywhere.
         is_extended: whether it is not a term of the library.
         prior: of the change of an uncertain parameter; None for a candidate for what is missing.
+        in_program: whether it is a parameter that the program of the system reads.
     """
 
     name: str
@@ -65,6 +72,12 @@ class Candidate:
     window: Window | None = None
     is_extended: bool = False
     prior: ChangePrior | None = None
+    in_program: bool = False
+
+    @property
+    def effects(self) -> tuple[Term, ...]:
+        """The terms, and the change of the program's parameter (:mod:`.program_parameters`)."""
+        return (*self.terms, parameter_term(self.name)) if self.in_program else self.terms
 
     @property
     def key(self) -> str:
@@ -103,6 +116,9 @@ def build_candidates(
     known = priors or {}
     ordered = sorted(system.config.parameters, key=lambda name: name not in known)
     parameters = [_parameter(system, name, known.get(name)) for name in ordered]
+    every = -(-len(nominal) // READ_AT)
+    few = nominal[::every], t[::every] if isinstance(t, Tensor) else t
+    parameters = [replace(c, in_program=_is_read_by_program(system, c, *few)) for c in parameters]
     resolved = resolve(system, library)
     terms = [
         Candidate(str(term), term.equation, (ready,), 1.0, is_extended=term in extensions)
@@ -112,7 +128,7 @@ def build_candidates(
         Candidate(str(term), term.equation, resolved_let_term(system, term), 1.0)
         for term in let_terms
     ]
-    found = [c for c in parameters if c.terms or c.prior] + terms + shared
+    found = [c for c in parameters if c.effects or c.prior] + terms + shared
     rms = tendency_size(system, nominal, t)
     columns = torch.stack([_column(system, c, nominal, t, rms) for c in found])
     sizes = columns.norm(dim=1)
@@ -184,8 +200,8 @@ def indices_by_name(candidates: Sequence[Candidate]) -> dict[str, int]:
 
 def build_forcing(candidates: Sequence[Candidate], coefficients: Tensor) -> Forcing:
     """Return the model error with coefficients ``(batch, candidate)``, in the user's units."""
-    terms = tuple(term for candidate in candidates for term in candidate.terms)
-    owner = [j for j, candidate in enumerate(candidates) for _ in candidate.terms]
+    terms = tuple(term for candidate in candidates for term in candidate.effects)
+    owner = [j for j, candidate in enumerate(candidates) for _ in candidate.effects]
     return Forcing(terms, coefficients[:, owner])
 
 
@@ -199,14 +215,42 @@ def _column(
     system: System, candidate: Candidate, states: Tensor, t: float | Tensor, rms: Tensor
 ) -> Tensor:
     """Return the tendency of a candidate, in units of the rms tendency of each equation."""
-    columns = torch.zeros((len(system.fields), states[:, 0].numel()), dtype=torch.float64)
-    if not candidate.terms:
-        return columns.flatten()
-    found = evaluate_terms(system, candidate.terms, states, t).flatten(1)
-    for term, column in zip(candidate.terms, found, strict=True):
-        index = system.fields.index(term.equation)
-        columns[index] += column / rms[index]
-    return columns.flatten()
+    rates = candidate_rates(system, candidate, states, t).transpose(0, 1).flatten(1)
+    return (rates / rms[:, None]).flatten()
+
+
+def candidate_rates(
+    system: System, candidate: Candidate, states: Tensor, t: float | Tensor
+) -> Tensor:
+    """Return the tendency per unit of ξ, ``(batch, field, *grid)``.
+
+    Args:
+        system: the simulator.
+        candidate: the term or parameter.
+        states: ``(batch, field, *grid)``.
+        t: time of all states, or of each, ``(batch,)``.
+    """
+    rates = torch.zeros_like(states, dtype=torch.float64)
+    if candidate.in_program:
+        # The program may fail at some states.
+        rates += program_slopes(system, states, t, candidate.name).nan_to_num(nan=0.0)
+    if candidate.terms:
+        found = evaluate_terms(system, candidate.terms, states, t)
+        for term, values in zip(candidate.terms, found, strict=True):
+            rates[:, system.fields.index(term.equation)] += values
+    return rates
+
+
+def _is_read_by_program(
+    system: System, candidate: Candidate, states: Tensor, t: float | Tensor
+) -> bool:
+    """Return whether a program reads a parameter, and its change may be an unknown.
+
+    For an expensive program this needs a spread: each parameter takes two more calls in a step.
+    """
+    if system.program is None or (candidate.prior is None and system.program.seconds > EXPENSIVE):
+        return False
+    return bool(program_slopes(system, states, t, candidate.name).nan_to_num(nan=0.0).any())
 
 
 def stable_limit(system: System, terms: Sequence[Term]) -> float:

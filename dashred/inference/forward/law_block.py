@@ -111,7 +111,7 @@ class LawBlock:
 
     def sources(self, unknowns: Tensor) -> list[tuple[Term, ...]]:
         """Return the derivative of the tendency with respect to each unknown, as terms."""
-        found = [candidate.terms for candidate in self.terms(unknowns)]
+        found = [candidate.effects for candidate in self.terms(unknowns)]
         if self.windowed is None:
             return found
         coefficients = unknowns[len(self.candidates) : len(found)].tolist()

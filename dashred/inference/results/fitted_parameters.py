@@ -44,12 +44,20 @@ def exact_changes(system: System, law: Law) -> dict[str, float]:
     A law adds ``ξ ∂N/∂p`` for each changed parameter. Other values of several parameters have that
     effect if the equations are affine in them; if no effect depends on another parameter, and each
     changes its tangent by a factor alone; or if the changes of uncertain parameters are small. A
-    parameter without such a value is not in the result.
+    parameter without such a value is not in the result. Those that a program reads were fitted
+    exactly.
 
     Args:
         system: the simulator, about whose parameters the law is linearised.
         law: the law.
     """
+    candidates, coefficients = law.changes
+    pairs = [*zip(candidates, coefficients.tolist(), strict=True)]
+    own = {c.name: value for c, value in pairs if c.in_program}
+    return _exact_in_equations(system, law) | own
+
+
+def _exact_in_equations(system: System, law: Law) -> dict[str, float]:
     candidates, coefficients = law.changes
     pairs = zip(candidates, coefficients.tolist(), strict=True)
     changed = {c.name: value for c, value in pairs if c.equation is None}

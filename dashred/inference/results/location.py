@@ -19,13 +19,13 @@ from dashred.core.findings.law_schema import (
 )
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.located_source import LocatedSource
+from dashred.inference.forward.candidates import candidate_rates
 from dashred.inference.hypotheses.forcing_map import ForcingMap
 from dashred.inference.hypotheses.result import Discovery
 from dashred.inference.results.explanation import region_of
 from dashred.inference.results.regime import active_states
 from dashred.inference.results.source_of_law import source_of_discovery
 from dashred.physics.expressions import algebra
-from dashred.physics.library import evaluate_terms
 from dashred.physics.runs.tendency_size import tendency_size
 from dashred.physics.system import System
 
@@ -141,11 +141,8 @@ def law_tendency(system: System, law: Law, states: Tensor, times: Tensor) -> Ten
     rms = tendency_size(system, states, times)
     ratios = torch.zeros_like(states, dtype=torch.float64)
     for candidate, value in zip(law.candidates, law.coefficients.tolist(), strict=True):
-        columns = evaluate_terms(system, candidate.terms, states, times)
-        for term, column in zip(candidate.terms, columns, strict=True):
-            index = system.fields.index(term.equation)
-            ratios[:, index] += value * column / rms[index]
-    return ratios
+        ratios += value * candidate_rates(system, candidate, states, times)
+    return ratios / rms.reshape(-1, *(1,) * len(system.axes))
 
 
 def _reads(system: System, law: Law) -> set[str]:

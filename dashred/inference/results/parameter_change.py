@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 
 from dashred.physics.expressions.algebra import (
+    ZERO,
     Expr,
     Number,
     names,
@@ -54,7 +55,7 @@ def exact_change(system: System, parameter: str, xi: float) -> float | None:
     See :func:`parameter_change` for the arguments.
     """
     tangent = _Tangent(system, parameter)
-    if tangent.is_constant:
+    if tangent.is_constant or not tangent.in_equations:
         return xi
     if not tangent.is_proportional:
         # The equations cannot contain the tangent of a boundary condition.
@@ -89,6 +90,11 @@ class _Tangent:
     def is_proportional(self) -> bool:
         """Whether it is the same at another value except for a factor."""
         return self._other_ratio is not None
+
+    @property
+    def in_equations(self) -> bool:
+        """Whether an equation depends on the parameter; that of a program may not."""
+        return any(slope != ZERO for slope in self._slopes.values())
 
     @property
     def is_constant(self) -> bool:

@@ -7,7 +7,7 @@ Near a state a whose step is known, with its Jacobian::
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from weakref import WeakKeyDictionary
 
@@ -63,6 +63,16 @@ class NearbySteps:
 
     exact: ProgramStep
     _known: dict[Key, KnownSteps] = field(repr=False)
+
+    def at(self, changes: Mapping[str, float]) -> NearbySteps:
+        """See :meth:`ProgramStep.at`."""
+        return NearbySteps(self.exact.at(changes), self._known)
+
+    def slopes(
+        self, names: Sequence[str], x: Array, t: Array, h: Array, inputs: Mapping[str, Array]
+    ) -> Array:
+        """See :meth:`ProgramStep.slopes`."""
+        return self.exact.slopes(names, x, t, h, inputs)
 
     def advance(self, x: Array, t: Array, h: Array, inputs: Mapping[str, Array]) -> Array:
         """See :meth:`ProgramStep.advance`."""

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dashred.inference.segments.segments import Array
-from dashred.physics.external.protocol import Program
+from dashred.physics.external.protocol import Program, Stepper
+from dashred.physics.program_parameters import parameter_slopes
 
 # Smallest change in a difference, as a share of the largest value of any field.
 SMALLEST = 1e-12
@@ -30,6 +31,26 @@ class ProgramStep:
     program: Program
     parameters: Mapping[str, float]
     _known: dict[int, tuple[Array, Array]] = field(default_factory=dict, repr=False)
+
+    def at(self, changes: Mapping[str, float]) -> ProgramStep:
+        """Return the same with changed parameters."""
+        if not any(changes.values()):
+            return self
+        return ProgramStep(self.program, changed(self.parameters, changes))
+
+    def slopes(
+        self, names: Sequence[str], x: Array, t: Array, h: Array, inputs: Mapping[str, Array]
+    ) -> Array:
+        """Return the derivatives of a step by parameters, ``(name, segment, field)``.
+
+        See :meth:`advance` for the arguments.
+        """
+        return parameter_slopes(
+            lambda parameters: self.program.step(x, t, h, inputs, parameters),
+            self.parameters,
+            names,
+            self.program.rounding,
+        )
 
     def advance(self, x: Array, t: Array, h: Array, inputs: Mapping[str, Array]) -> Array:
         """Return the states after a step, ``(segment, field)``.
@@ -90,6 +111,8 @@ class ProgramStep:
             inputs: in the middle of the step.
         """
         count, fields = x.shape
+        if self.program.tangent is not None:
+            return self._push(self.program.tangent, x, rows, t, h, inputs)
         small = self.program.rounding**0.5 * reach
         moved = x[rows] + small[:, None, None] * np.eye(fields)[:, None, :]
         whole = np.concatenate([x, moved.reshape(-1, fields)])
@@ -101,6 +124,39 @@ class ProgramStep:
         ends = self.advance(whole, each(t), each(h), named)
         after, others = ends[:count], ends[count:].reshape(fields, len(rows), fields)
         return after, np.moveaxis((others - after[rows]) / small[:, None, None], 0, -1)
+
+    def _push(
+        self,
+        tangent: Stepper,
+        x: Array,
+        rows: NDArray[np.intp],
+        t: Array,
+        h: Array,
+        inputs: Mapping[str, Array],
+    ) -> tuple[Array, Array]:
+        """Return what :meth:`differentiate` does, with the tangents that the program offers."""
+        count, fields = x.shape
+        after, jacobians = np.empty_like(x), np.empty((len(rows), fields, fields))
+        rest = np.setdiff1d(np.arange(count), rows)
+        if rest.size:
+            after[rest] = self.advance(x[rest], t[rest], h[rest], _at(inputs, rest))
+        if rows.size:
+            each = np.repeat(rows, fields)
+            states = np.concatenate([x[each], np.tile(np.eye(fields), (len(rows), 1))], axis=1)
+            ends = tangent.step(states, t[each], h[each], _at(inputs, each), self.parameters)
+            after[rows] = ends[::fields, :fields]
+            moved = ends[:, fields:].reshape(len(rows), fields, fields)
+            jacobians[:] = np.moveaxis(moved, 1, 2)
+        return after, jacobians
+
+
+def _at(inputs: Mapping[str, Array], rows: NDArray[np.intp]) -> dict[str, Array]:
+    return {name: values[rows] for name, values in inputs.items()}
+
+
+def changed(parameters: Mapping[str, float], changes: Mapping[str, float]) -> dict[str, float]:
+    """Return parameters with changes."""
+    return {name: value + changes.get(name, 0.0) for name, value in parameters.items()}
 
 
 def reach_of(x: Array) -> Array:

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.segments.nearby_steps import step_of
+from dashred.inference.segments.nearby_steps import NearbySteps, step_of
+from dashred.inference.segments.program_step import ProgramStep
 from dashred.inference.segments.segments import Array, Segments
 from dashred.inference.segments.tendency import Tendency
 from dashred.physics.runge_kutta import CLASSICAL, Tableau
@@ -83,7 +84,7 @@ class SegmentSimulator:
             xi: their coefficients, ``(candidate,)``.
             force: added to the tendency in each segment, ``(segment, field)``.
         """
-        tendency = self._tendency(candidates)
+        tendency, program = self._tendency(candidates), self._changed_program(candidates, xi)
         x, saved = nodes, [nodes]
         with np.errstate(all="ignore"):
             for i, h in enumerate(self._steps[:, :, None]):
@@ -92,8 +93,8 @@ class SegmentSimulator:
                     at = x + h * _combined(shares, rates)
                     rates.append(tendency.rates(at, xi, self._clock(i, stage), force))
                 x = x + h * _combined(self.tableau.b, rates)
-                if self.program is not None and i % HALVES == 0:
-                    x = self.program.advance(x, *self._program_clock(i))
+                if program is not None and i % HALVES == 0:
+                    x = program.advance(x, *self._program_clock(i))
                 if (i + 1) % self._parts == 0:
                     saved.append(x)
         return np.stack(saved, axis=1)
@@ -116,6 +117,7 @@ class SegmentSimulator:
             forced: equations whose force is an unknown.
         """
         tendency, fields = self._tendency(candidates), self.fields
+        program, own = self._changed_program(candidates, xi), _in_program(candidates)
         known = fields + len(forced)
         unknowns = known + len(xi)
         x, saved = nodes, [nodes]
@@ -139,9 +141,13 @@ class SegmentSimulator:
                     slopes.append(slope)
                 x = x + h * _combined(self.tableau.b, rates)
                 s = s + h[:, :, None] * _combined(self.tableau.b, slopes)
-                if self.program is not None and i % HALVES == 0:
-                    x, carried = self.program.linearise(i, x, *self._program_clock(i))
+                if program is not None and i % HALVES == 0:
+                    begin, clock = x, self._program_clock(i)
+                    x, carried = program.linearise(i, x, *clock)
                     s = carried @ s
+                    if own:
+                        slopes_of = program.slopes([*own.values()], begin, *clock)
+                        s[:, :, [known + j for j in own]] += np.moveaxis(slopes_of, 0, -1)
                 if (i + 1) % self._parts == 0:
                     saved.append(x)
                     columns.append(s)
@@ -168,7 +174,15 @@ class SegmentSimulator:
                 begins, steps, inputs = self._program_clock(0)
                 ends = self.program.advance(nodes, begins, steps, inputs)
                 rates = rates + (ends - nodes) / steps[:, None]
-        return rates, terms, tendency.equations, tendency.owners
+        equations, owners = tendency.equations, tendency.owners
+        own = _in_program(candidates)
+        if self.program is not None and own:
+            slopes = self.program.slopes([*own.values()], nodes, begins, steps, inputs)
+            further = np.moveaxis(slopes / steps[:, None], 1, -1).reshape(-1, len(nodes))
+            terms = np.concatenate([terms, further])
+            equations = np.concatenate([equations, np.tile(np.arange(self.fields), len(own))])
+            owners = np.concatenate([owners, np.repeat([*own], self.fields)])
+        return rates, terms, equations, owners
 
     @cached_property
     def samples(self) -> dict[str, Array]:
@@ -185,6 +199,15 @@ class SegmentSimulator:
         other = SegmentSimulator(self.systems, segments, substeps)
         other._tendencies = self._tendencies
         return other
+
+    def _changed_program(
+        self, candidates: Sequence[Candidate], xi: Array
+    ) -> ProgramStep | NearbySteps | None:
+        """Return the step of the program with the changes of its parameters."""
+        own = _in_program(candidates)
+        if self.program is None or not own:
+            return self.program
+        return self.program.at({name: float(xi[j]) for j, name in own.items()})
 
     def _tendency(self, candidates: Sequence[Candidate]) -> Tendency:
         key = tuple(candidates)
@@ -222,6 +245,11 @@ class SegmentSimulator:
             for name, values in system.input_signals.at(t[mine]).items():
                 found.setdefault(name, np.empty_like(t))[mine] = values
         return found
+
+
+def _in_program(candidates: Sequence[Candidate]) -> dict[int, str]:
+    """Return the parameters that a program reads, by index of the candidate."""
+    return {j: c.name for j, c in enumerate(candidates) if c.in_program}
 
 
 def _combined(shares: Sequence[float], rates: Sequence[Array]) -> Array | float:

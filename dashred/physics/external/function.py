@@ -9,6 +9,7 @@ import numpy as np
 
 from dashred.core.errors import InputError
 from dashred.physics.external.adapter import ANY_TIME, SAME_TIME, SINGLE, Unread, Way
+from dashred.physics.external.call_limit import OverrunError, time_limit
 from dashred.physics.external.kept.contents import module_sha256
 from dashred.physics.external.state_batch import (
     Array,
@@ -17,11 +18,19 @@ from dashred.physics.external.state_batch import (
     as_array,
     read_fields,
 )
-from dashred.physics.external.user_code import last_words, load
+from dashred.physics.external.tangents.function_tangents import (
+    JVP,
+    find_jvp,
+    step_with_tangents,
+    with_tangents,
+)
+from dashred.physics.external.user_code import last_words, load, place_of
 
 # The arrays of a call are its own, so a change is without effect; a function that changes them is
 # refused in the first calls, because it may also change what it has returned before.
 CHECKED_CALLS = 32
+# Time limit of a function that was given none, in s.
+LONGEST = 1e6
 Function = Callable[..., Mapping[str, Any]]
 
 
@@ -29,16 +38,41 @@ class FunctionAdapter:
     """A function ``(state, t, dt, inputs, parameters)`` that returns the state at ``t + dt``.
 
     It may take one state or a batch of NumPy, and return arrays of NumPy, torch or JAX.
+
+    Args:
+        function: steps states.
+        fields: of the system, in their order.
+        name: of the function, for messages.
+        place: location of its key in the configuration.
+        limit: longest time for each state of a call, in s.
+        contents: ``MODULE.FUNCTION`` of its contents; None for the name.
     """
 
     alone = (SINGLE, SAME_TIME, ANY_TIME)
     together = (ANY_TIME, SAME_TIME)
     parallel = False
 
-    def __init__(self, function: Function, fields: Sequence[str], name: str, place: str) -> None:
-        self._function = function
+    def __init__(
+        self,
+        function: Function,
+        fields: Sequence[str],
+        name: str,
+        place: str,
+        limit: float = LONGEST,
+        contents: str | None = None,
+    ) -> None:
+        self._function, self._limit, self._contents = function, limit, contents or name
         self._is_jax, self._unchecked = False, CHECKED_CALLS
         self.fields, self.name, self.place = tuple(fields), name, place
+
+    def with_tangents(self) -> FunctionAdapter | None:
+        """Return the adapter of its jvp, for states with tangents; None if it has none."""
+        jvp = find_jvp(self._function, self.name)
+        if jvp is None:
+            return None
+        step, fields = step_with_tangents(jvp, self.fields), with_tangents(self.fields)
+        name = f"{JVP} of {self.name}"
+        return FunctionAdapter(step, fields, name, self.place, self._limit, self._contents)
 
     def call(self, batch: StateBatch, way: Way, time: Unread | None = None) -> Array:
         """See :meth:`dashred.physics.external.adapter.Adapter.call`."""
@@ -63,10 +97,12 @@ class FunctionAdapter:
         t = clock(batch.t) if time is None else time
         try:
             # A state that blows up is reported as such, not as a warning of NumPy.
-            with np.errstate(all="ignore"):
+            with np.errstate(all="ignore"), time_limit(self._limit * len(batch)):
                 found = self._function(state, t, clock(batch.dt), inputs, dict(batch.parameters))
         except ProgramError:
             raise
+        except OverrunError as error:
+            raise self._overrun(len(batch), error) from error
         except (Exception, SystemExit) as error:  # user code may raise any exception
             raise ProgramError(f"fails: {last_words(error)}") from error
         if self._unchecked:
@@ -76,27 +112,34 @@ class FunctionAdapter:
         self._is_jax = type(found[self.fields[0]]).__module__.startswith("jax")
         return np.moveaxis(result, 0, 1) if way.batch else result[None]
 
+    def _overrun(self, count: int, error: OverrunError) -> InputError:
+        states = "a state" if count == 1 else f"{count} states"
+        what = f"{self.name} takes more than {self._limit * count:g} s to step {states}"
+        hint = "raise system.simulator.time_limit if it needs longer"
+        return InputError(what + place_of(error), where=self.place, hint=hint)
+
     def sha256(self) -> str:
         """See :meth:`dashred.physics.external.adapter.Adapter.sha256`."""
-        return module_sha256(self.name)
+        return module_sha256(self._contents)
 
 
-def open_function(name: str, fields: Sequence[str], place: str) -> FunctionAdapter:
+def open_function(name: str, fields: Sequence[str], place: str, limit: float) -> FunctionAdapter:
     """Import a function that steps states.
 
     Raises:
         InputError: it cannot be imported.
     """
-    return FunctionAdapter(_imported(name, place), fields, name, place)
+    return FunctionAdapter(_imported(name, place), fields, name, place, limit)
 
 
-def open_run(name: str, fields: Sequence[str], place: str) -> FunctionAdapter:
+def open_run(name: str, fields: Sequence[str], place: str, limit: float) -> FunctionAdapter:
     """Import a function of whole runs.
 
     Raises:
         InputError: it cannot be imported.
     """
-    return FunctionAdapter(run_as_step(_imported(name, place), fields), fields, name, place)
+    step = run_as_step(_imported(name, place), fields)
+    return FunctionAdapter(step, fields, name, place, limit)
 
 
 def run_as_step(run: Function, fields: Sequence[str]) -> Function:

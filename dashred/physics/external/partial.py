@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from dashred.physics.external.protocol import Array, Program
+from dashred.physics.external.protocol import Array, Program, Stepper
 
 
 @dataclass(frozen=True)
@@ -15,10 +15,20 @@ class PartialProgram:
     Attributes:
         program: steps its own fields.
         places: indices of these in the state.
+        count: number of fields of the state.
     """
 
     program: Program
     places: Sequence[int]
+    count: int
+
+    @property
+    def tangent(self) -> Stepper | None:
+        """See :class:`.protocol.Program`."""
+        tangent = self.program.tangent
+        if tangent is None:
+            return None
+        return _PartialStepper(tangent, [*self.places, *(self.count + i for i in self.places)])
 
     @property
     def rounding(self) -> float:
@@ -53,6 +63,25 @@ class PartialProgram:
         parameters: Mapping[str, float],
     ) -> Array:
         """See :meth:`.protocol.Program.step`."""
+        own = _PartialStepper(self.program, self.places)
+        return own.step(states, t, dt, inputs, parameters)
+
+
+@dataclass(frozen=True)
+class _PartialStepper:
+    """Steps some channels of a state, and leaves the others as they are."""
+
+    stepper: Stepper
+    places: Sequence[int]
+
+    def step(
+        self,
+        states: Array,
+        t: Array,
+        dt: Array,
+        inputs: Mapping[str, Array],
+        parameters: Mapping[str, float],
+    ) -> Array:
         after, own = states.copy(), list(self.places)
-        after[:, own] = self.program.step(states[:, own], t, dt, inputs, parameters)
+        after[:, own] = self.stepper.step(states[:, own], t, dt, inputs, parameters)
         return after

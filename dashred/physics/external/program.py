@@ -12,11 +12,12 @@ from dashred.physics.external.command.command import open_command
 from dashred.physics.external.command.layout import Layout
 from dashred.physics.external.fmu.description import Description, read_description
 from dashred.physics.external.fmu.fmu import FmuAdapter
-from dashred.physics.external.function import open_function, open_run
+from dashred.physics.external.function import FunctionAdapter, open_function, open_run
 from dashred.physics.external.partial import PartialProgram
 from dashred.physics.external.protocol import Program
 from dashred.physics.external.stepped import SteppedProgram
 from dashred.physics.external.stepped_fields import stepped_fields
+from dashred.physics.external.tangents.checked_tangents import CheckedTangents
 from dashred.physics.external.trust import check_trusted, names_of
 from dashred.physics.grids.grid import Grid
 from dashred.physics.system_schema import System
@@ -43,30 +44,43 @@ def open_program(config: System, where: Callable[[str], str], grid: Grid) -> Pro
     known = repr(simulator), tuple(config.fields), repr(config.units), grid, place
     if known not in _opened:
         own = stepped_fields(config)
-        program = SteppedProgram(_adapter(config, own, key, grid, place), grid, simulator.keep)
+        adapter = _adapter(config, own, key, grid, place)
+        program = SteppedProgram(adapter, grid, simulator.keep)
+        if isinstance(adapter, FunctionAdapter) and simulator.function is not None:
+            program.tangent = _offered_tangents(adapter, program, grid, simulator.keep)
         places = [i for i, field in enumerate(config.fields) if field in own]
         whole = len(places) == len(config.fields)
-        _opened[known] = program if whole else PartialProgram(program, places)
+        _opened[known] = program if whole else PartialProgram(program, places, len(config.fields))
     return _opened[known]
+
+
+def _offered_tangents(
+    adapter: FunctionAdapter, program: Program, grid: Grid, keep: bool
+) -> CheckedTangents | None:
+    offered = adapter.with_tangents()
+    if offered is None:
+        return None
+    tangent = SteppedProgram(offered, grid, keep)
+    return CheckedTangents(tangent, program, offered.name, adapter.place)
 
 
 def _adapter(config: System, fields: tuple[str, ...], key: str, grid: Grid, place: str) -> Adapter:
     simulator = config.simulator
     assert simulator is not None
+    limit = simulator.time_limit
     if simulator.command is not None:
         axes = {
             axis.name: axis.spacing * np.arange(axis.own_points, dtype=np.float64)
             for axis in grid.axes
         }
         layout = Layout(fields, axes, config.units)
-        limit = simulator.time_limit
         return open_command(simulator.command, simulator.template, limit, layout, place)
     if simulator.fmu is not None:
         return FmuAdapter(describe_fmu(config, place), fields, place)
     if simulator.function is not None:
-        return open_function(simulator.function, fields, place)
+        return open_function(simulator.function, fields, place, limit)
     assert simulator.run is not None
-    return open_run(simulator.run, fields, place)
+    return open_run(simulator.run, fields, place, limit)
 
 
 def describe_fmu(config: System, place: str) -> Description:

@@ -15,7 +15,21 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-class Program(Protocol):
+class Stepper(Protocol):
+    """What steps states."""
+
+    def step(
+        self,
+        states: Array,
+        t: Array,
+        dt: Array,
+        inputs: Mapping[str, Array],
+        parameters: Mapping[str, float],
+    ) -> Array:
+        """See :meth:`Program.step`."""
+
+
+class Program(Stepper, Protocol):
     """A program that advances states.
 
     The first call of :meth:`step` examines it. Until then ``seconds`` is 0, and ``rounding`` is
@@ -36,6 +50,10 @@ class Program(Protocol):
     @property
     def sha256(self) -> str:
         """Hash of the contents of its own files."""
+
+    @property
+    def tangent(self) -> Stepper | None:
+        """Steps states with tangents, ``(batch, 2 field, *grid)``; None if it offers none."""
 
     @property
     def failure(self) -> str | None:

@@ -17,6 +17,7 @@ from dashred.physics.external.adapter import Adapter, Unread
 from dashred.physics.external.conduct import Conduct
 from dashred.physics.external.examination import examine
 from dashred.physics.external.kept.kept_results import WORTH_KEEPING, KeptResults
+from dashred.physics.external.protocol import Stepper
 from dashred.physics.external.rounding import equal
 from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
 from dashred.physics.grids.grid import Grid
@@ -26,7 +27,11 @@ SINGLE = 6e-8
 
 
 class SteppedProgram:
-    """A program behind an adapter, which the first step examines."""
+    """A program behind an adapter, which the first step examines.
+
+    Attributes:
+        tangent: see :class:`dashred.physics.external.protocol.Program`.
+    """
 
     def __init__(self, adapter: Adapter, grid: Grid, keep: bool = True) -> None:
         """Set the program.
@@ -40,6 +45,7 @@ class SteppedProgram:
         self._adapter, self._grid, self._keep = adapter, grid, keep
         self._conduct: Conduct | None = None
         self._calls = 0
+        self.tangent: Stepper | None = None
         self._last_failure: str | None = None
         # Steps of single states.
         self._steps = self._failed_steps = 0
@@ -89,7 +95,12 @@ class SteppedProgram:
     ) -> Array:
         """See :meth:`dashred.physics.external.protocol.Program.step`."""
         own: tuple[Any, ...] = (..., *(axis.own for axis in self._grid.axes))
-        found = self._step(StateBatch(states[own], t, dt, inputs, parameters))
+        found = states[own].copy()
+        # A program may fail for a step of no length, such as those that fill up a short segment.
+        moving = np.flatnonzero(dt)
+        if moving.size:
+            batch = StateBatch(found, t, dt, inputs, parameters)
+            found[moving] = self._step(batch.take(moving))
         return self._grid.ring(torch.from_numpy(found)).numpy()
 
     def _step(self, batch: StateBatch) -> Array:

@@ -34,6 +34,11 @@ def last_words(error: BaseException) -> str:
     """Return type, message and place of an exception: ``KeyError: 'v' (my.py:17)``."""
     lines = str(error).strip().splitlines()
     text = f"{type(error).__name__}: {lines[0]}" if lines else type(error).__name__
+    return text + place_of(error)
+
+
+def place_of(error: BaseException) -> str:
+    """Return `` (my.py:17)``, the user's own line that led to an exception; empty without one."""
     frames = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in frames if not any(part in frame.filename for part in OTHERS)]
-    return f"{text} ({own[-1].filename}:{own[-1].lineno})" if own else text
+    return f" ({own[-1].filename}:{own[-1].lineno})" if own else ""

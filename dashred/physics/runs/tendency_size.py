@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import partial
+
 import numpy as np
 import torch
 from torch import Tensor
 
+from dashred.physics.external.protocol import Array
 from dashred.physics.library import evaluate_terms
+from dashred.physics.program_parameters import parameter_slopes
 from dashred.physics.system import System, Term
 
 # A difference in time over this share of the time step is the rate of a program.
@@ -45,11 +50,39 @@ def program_rates(system: System, states: Tensor, t: float | Tensor) -> Tensor:
         states: ``(batch, field, *grid)``.
         t: one time for all states, or the time of each, ``(batch,)``.
     """
+    h = SHORT_STEP * system.dt
+    ends = _program_step(system, states, t, h, system.config.parameters)
+    return torch.from_numpy((ends - states.double().numpy()) / h)
+
+
+@torch.no_grad()
+def program_slopes(system: System, states: Tensor, t: float | Tensor, name: str) -> Tensor:
+    """Return the derivative of a program's rate by a parameter, ``(batch, field, *grid)``.
+
+    It is extrapolated to a step of length zero, in which no effect has passed to other fields.
+
+    Args:
+        system: with a program.
+        states: ``(batch, field, *grid)``.
+        t: one time for all states, or the time of each, ``(batch,)``.
+        name: of the parameter.
+    """
+    assert system.program is not None
+    known, rounding = system.config.parameters, system.program.rounding
+    found = []
+    for h in (SHORT_STEP * system.dt, SHORT_STEP * system.dt / 2):
+        step = partial(_program_step, system, states, t, h)
+        found.append(parameter_slopes(step, known, [name], rounding)[0] / h)
+    return torch.from_numpy(2 * found[1] - found[0])
+
+
+def _program_step(
+    system: System, states: Tensor, t: float | Tensor, h: float, parameters: Mapping[str, float]
+) -> Array:
+    """Return the states after a step of the program, ``(batch, field, *grid)``."""
     assert system.program is not None
     times = np.broadcast_to(np.asarray(t, dtype=np.float64), len(states)).copy()
-    steps = np.full(len(states), SHORT_STEP * system.dt)
+    steps = np.full(len(states), h)
     signals = system.input_signals.at(times + steps / 2)
     inputs = {name: np.broadcast_to(value, times.shape).copy() for name, value in signals.items()}
-    begin = states.double().numpy()
-    ends = system.program.step(begin, times, steps, inputs, system.config.parameters)
-    return torch.from_numpy((ends - begin) / steps[0])
+    return system.program.step(states.double().numpy(), times, steps, inputs, parameters)

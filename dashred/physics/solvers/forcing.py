@@ -12,6 +12,7 @@ from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions.algebra import Expr
 from dashred.physics.grids.grid_value import Value
 from dashred.physics.grids.operators import Operators
+from dashred.physics.program_parameters import added_terms, changed_parameter
 from dashred.physics.system import Term
 
 
@@ -26,6 +27,20 @@ class Forcing:
 
     terms: tuple[Term, ...]
     coefficients: Tensor
+
+    def added(self) -> Forcing:
+        """Return the part that is added to equations."""
+        kept = [j for j, term in enumerate(self.terms) if changed_parameter(term) is None]
+        return Forcing(added_terms(self.terms), self.coefficients[:, kept])
+
+    def parameter_changes(self) -> dict[str, Tensor]:
+        """Return the changes of the parameters of a program by name, ``(batch,)`` each."""
+        found: dict[str, Tensor] = {}
+        for term, values in zip(self.terms, self.coefficients.T, strict=True):
+            name = changed_parameter(term)
+            if name is not None:
+                found[name] = values + found.get(name, 0.0)
+        return found
 
 
 class RowwiseForcing:

@@ -71,7 +71,9 @@ def simulate(
                 return integrate_etdrk4(system, start, times, forcing, progress)
     if system.program is not None:
         added = AddedFlow(system, forcing, sampled_forcing)
-        states = integrate_split(system, added, start, [*schedule(times.tolist(), system.dt)])
+        changes = None if forcing is None else forcing.parameter_changes()
+        whole = [*schedule(times.tolist(), system.dt)]
+        states = integrate_split(system, added, start, whole, changes)
     elif system.spectral:
         tendency = SpectralTendency(system, forcing, start.device, sampled_forcing)
         states = _integrate_spectral(tendency, start, times.tolist())

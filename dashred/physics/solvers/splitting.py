@@ -10,7 +10,7 @@ the program is run as it is.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -20,6 +20,7 @@ from torch import Tensor
 from dashred.physics.expressions.algebra import ZERO
 from dashred.physics.external.protocol import Array, Program
 from dashred.physics.forcing_basis import SampledForcing
+from dashred.physics.program_parameters import parameter_slopes
 from dashred.physics.runge_kutta import CLASSICAL, advance
 from dashred.physics.solvers.compiled_runge_kutta import CompiledRungeKutta
 from dashred.physics.solvers.etdrk4 import StepperCache
@@ -49,6 +50,7 @@ class AddedFlow:
         forcing: Forcing | None = None,
         sampled_forcing: SampledForcing | None = None,
     ) -> None:
+        forcing = forcing and forcing.added()
         has_terms = any(expr != ZERO for expr in system.resolved.values()) or (
             forcing is not None and bool(forcing.coefficients.any())
         )
@@ -90,20 +92,69 @@ def _explicit_step(
 
 
 class ProgramFlow:
-    """The flow P of a system's program, with its parameters and inputs."""
+    """The flow P of a system's program, with its parameters and inputs.
 
-    def __init__(self, system: System) -> None:
+    Args:
+        system: with a program.
+        changes: of its parameters by name, one for all states or one for each, ``(1 | batch,)``.
+    """
+
+    def __init__(self, system: System, changes: Mapping[str, Tensor] | None = None) -> None:
         assert system.program is not None
+        self.changes = {name: values.numpy() for name, values in (changes or {}).items()}
         self.program: Program = system.program
         self.parameters, self.signals = system.config.parameters, system.input_signals
 
     def __call__(self, state: Tensor, t: float, h: float) -> Tensor:
         """Return the states at ``t + h``, ``(batch, field, *grid)``."""
-        each = np.ones(len(state))
-        found = self.program.step(
-            state.numpy(), t * each, h * each, self.inputs(t * each, h * each), self.parameters
+        if not self.changes:
+            return torch.from_numpy(self._step(state.numpy(), t, h, self.parameters))
+        table = np.stack([np.broadcast_to(c, len(state)) for c in self.changes.values()], axis=1)
+        rows, group = np.unique(table, axis=0, return_inverse=True)
+        found = torch.empty_like(state)
+        for i, row in enumerate(rows):
+            mine = torch.from_numpy(np.flatnonzero(group.reshape(-1) == i))
+            changed = self._changed(row)
+            found[mine] = torch.from_numpy(self._step(state[mine].numpy(), t, h, changed))
+        return found
+
+    def slopes(self, state: Tensor, t: float, h: float, names: Sequence[str]) -> Tensor:
+        """Return the derivatives ``(name, field, *grid)`` of a step from a state by parameters.
+
+        The state is ``(field, *grid)``, and there is one change of each parameter.
+        """
+        found = parameter_slopes(
+            lambda parameters: self._step(state[None].numpy(), t, h, parameters),
+            self._changed(np.array([c[0] for c in self.changes.values()])),
+            names,
+            self.program.rounding,
         )
-        return torch.from_numpy(found)
+        return torch.from_numpy(found[:, 0])
+
+    def push(self, state: Tensor, directions: Tensor, t: float, h: float) -> tuple[Tensor, Tensor]:
+        """Return the state after a step, and the tangents ``(row, field, *grid)`` of directions.
+
+        The program offers tangents. The state is ``(field, *grid)``, and there is at least one
+        direction, ``(row, field, *grid)``.
+        """
+        assert self.program.tangent is not None
+        rows, each = state.expand_as(directions), np.ones(len(directions))
+        joined = torch.cat([rows, directions], dim=1).numpy()
+        parameters = self._changed(np.array([c[0] for c in self.changes.values()]))
+        inputs = self.inputs(t * each, h * each)
+        ends = self.program.tangent.step(joined, t * each, h * each, inputs, parameters)
+        after, moved = torch.from_numpy(ends).chunk(2, dim=1)
+        return after[0].clone(), moved
+
+    def _step(self, states: Array, t: float, h: float, parameters: Mapping[str, float]) -> Array:
+        each = np.ones(len(states))
+        inputs = self.inputs(t * each, h * each)
+        return self.program.step(states, t * each, h * each, inputs, parameters)
+
+    def _changed(self, row: Array) -> dict[str, float]:
+        """Return the parameters with the changes ``(name,)``."""
+        changes = zip(self.changes, row.tolist(), strict=True)
+        return {**self.parameters, **{n: self.parameters[n] + c for n, c in changes}}
 
     def inputs(self, t: Array, h: Array) -> dict[str, Array]:
         """Return the inputs in the middle of each step, ``(batch,)`` each."""
@@ -116,6 +167,7 @@ def integrate_split(
     added: AddedFlow,
     start: Tensor,
     steps: Sequence[Step],
+    changes: Mapping[str, Tensor] | None = None,
 ) -> Iterator[Tensor]:
     """Yield the states ``(batch, field, *grid)`` at the start and at every output time.
 
@@ -124,8 +176,9 @@ def integrate_split(
         added: the flow of the terms beside it.
         start: ``(batch, field, *grid)``.
         steps: of the integration.
+        changes: of the program's parameters by name, ``(batch,)`` each.
     """
-    own, state = ProgramFlow(system), start
+    own, state = ProgramFlow(system, changes), start
     yield state
     for step in steps:
         half = step.h / 2

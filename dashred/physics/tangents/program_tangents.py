@@ -5,6 +5,8 @@ The equations of a program are not known. The columns are carried along the spli
 
     P'(u) δ ≈ (P(u + ε δ) - P(u)) / ε
 
+unless the program offers its tangents.
+
 If the state has fewer values than there are columns, the differences are those along its values.
 """
 
@@ -21,6 +23,7 @@ from torch import Tensor
 
 from dashred.physics.backends.torch_backend import Program as Expressions
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
+from dashred.physics.program_parameters import added_terms, changed_parameter
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.schedule import Step, schedule
 from dashred.physics.solvers.splitting import AddedFlow, Flow, ProgramFlow
@@ -61,8 +64,13 @@ def tangent_program(
         The state ``(field, *grid)`` and the tangents ``(column, field, *grid)``, float64:
         directions first, then sources, then basis functions.
     """
-    flow, first = ProgramFlow(system), len(directions)
-    parts = forcing, sources, first, sampled_forcing, forcing_basis
+    changes = None if forcing is None else forcing.parameter_changes()
+    flow, first = ProgramFlow(system, changes), len(directions)
+    # The columns of the program's own parameters.
+    changed = [(first + k, changed_parameter(t)) for k, terms in enumerate(sources) for t in terms]
+    moved = {k: name for k, name in changed if name is not None}
+    added_sources = [added_terms(terms) for terms in sources]
+    parts = forcing and forcing.added(), added_sources, first, sampled_forcing, forcing_basis
     added: HalfStep = _GridColumns(system, *parts) if system.axes else _OdeColumns(system, *parts)
     columns = torch.zeros((added.count, *start.shape), dtype=torch.float64)
     columns[:first] = directions
@@ -75,7 +83,13 @@ def tangent_program(
         state, columns = added(state, columns, step.t, half)
         reach = torch.maximum(reach, state.abs().reshape(len(state), -1).amax(dim=1))
         small = flow.program.rounding**0.5 * reach
-        state, columns = carry(flow, state, columns, step.t, step.h, small)
+        before = state
+        if flow.program.tangent is None:
+            state, columns = carry(flow, state, columns, step.t, step.h, small)
+        else:
+            state, columns = push(flow, state, columns, step.t, step.h)
+        if moved:
+            columns[[*moved]] += flow.slopes(before, step.t, step.h, [*moved.values()])
         state, columns = added(state, columns, step.t + half, half)
         if step.ends:
             yield state, columns
@@ -144,6 +158,22 @@ def carry(
     moved = torch.zeros_like(columns)
     moved[alive] = (ends[1:] - ends[0]) * scaled
     return ends[0], moved
+
+
+def push(
+    flow: ProgramFlow, state: Tensor, columns: Tensor, t: float, h: float
+) -> tuple[Tensor, Tensor]:
+    """Return what :func:`carry` does, with the tangents that the program offers."""
+    if state.numel() < len(columns):
+        unit = torch.eye(state.numel(), dtype=torch.float64).reshape(-1, *state.shape)
+        after, slopes = push(flow, state, unit, t, h)
+        return after, (columns.flatten(1) @ slopes.flatten(1)).reshape(columns.shape)
+    alive = torch.nonzero(columns.flatten(1).any(dim=1))[:, 0]
+    if not len(alive):
+        return flow(state[None], t, h)[0], columns
+    moved = torch.zeros_like(columns)
+    after, moved[alive] = flow.push(state, columns[alive], t, h)
+    return after, moved
 
 
 class _GridColumns:

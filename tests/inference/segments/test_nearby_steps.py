@@ -25,6 +25,7 @@ class Counted:
     rounding: float = 1e-16
     sha256: str = ""
     failure: str | None = None
+    tangent: None = None
     states: list[int] = field(default_factory=list)
 
     def seconds_of(self, count: int) -> float:

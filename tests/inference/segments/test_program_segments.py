@@ -8,17 +8,19 @@ import numpy as np
 import torch
 
 from dashred.config import load_config
-from dashred.inference.forward.candidates import Candidate
+from dashred.inference.forward.candidates import Candidate, build_candidates
+from dashred.inference.results.parameter_change import exact_change
 from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import cut
 from dashred.physics.library import resolve
+from dashred.physics.runs.tendency_size import tendency_size
 from dashred.physics.system import System, Term
 
 TEXT = """
 system:
   title: pendulum
   fields: {theta: angle, omega: rate}
-  parameters: {g: 4.0}
+  parameters: PARAMETERS
   BODY
   start: {theta: 1.2, omega: 0.3}
   integrator: {dt: 0.0125}
@@ -26,9 +28,11 @@ recording: {twin: a, sensors: 1, noise: 0, duration: 4, every: 0.1}
 """
 
 
-def simulator(folder: Path, body: str, *words: str) -> SegmentSimulator:
+def simulator(
+    folder: Path, body: str, *words: str, parameters: str = "{g: 4.0}"
+) -> SegmentSimulator:
     path = folder / "pendulum.yaml"
-    path.write_text(TEXT.replace("BODY", body))
+    path.write_text(TEXT.replace("BODY", body).replace("PARAMETERS", parameters))
     config = load_config([f"conf={path}", *words], entry="test")
     times = np.linspace(0, 2, 21)
     segments = cut([times], [np.zeros((21, 1))], 4)
@@ -59,3 +63,55 @@ def test_states_columns_and_rates_are_those_of_the_equations(tmp_path: Path) -> 
     np.testing.assert_allclose(program.run(nodes, law, xi, force), found, rtol=1e-12, atol=1e-12)
     rates, *_ = program.tendencies(nodes, law)
     np.testing.assert_allclose(rates, known.tendencies(nodes, law)[0], rtol=0, atol=0.03)
+
+
+def test_a_parameter_of_the_program_has_the_effect_of_that_of_the_equations(tmp_path: Path) -> None:
+    known = simulator(tmp_path, "equations: {theta: omega, omega: -g*sin(theta)}")
+    program = simulator(
+        tmp_path,
+        "simulator: {function: tests.programs.pendulum}",
+        "trust=tests.programs.pendulum",
+        "recording.path=recorded.csv",
+    )
+    nodes = torch.randn((5, 2), generator=torch.Generator().manual_seed(1)).double().numpy()
+    damping, tangent = candidates(known.systems[0], ("omega", "omega"), ("omega", "-sin(theta)"))
+    g = Candidate("g", None, (), 1.0, in_program=True)
+    xi = np.array([-0.3, 0.5])
+    expected, slopes = known.linearise(nodes, [damping, tangent], xi)
+    found, columns = program.linearise(nodes, [damping, g], xi)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(columns, slopes, rtol=0, atol=1e-3 * np.abs(slopes).max())
+    np.testing.assert_allclose(program.run(nodes, [damping, g], xi), found, rtol=1e-12, atol=1e-12)
+    for simulated, other in ((known, tangent), (program, g)):
+        _, terms, equations, owners = simulated.tendencies(nodes, [damping, other])
+        total = np.zeros((2, 5))
+        np.add.at(total, equations, xi[owners, None] * terms)
+        rates = -0.3 * nodes[:, 1] - 0.5 * np.sin(nodes[:, 0])
+        np.testing.assert_allclose(total[1], rates, rtol=0, atol=0.02)
+
+
+def test_parameters_that_a_program_reads_are_candidates(tmp_path: Path) -> None:
+    [system] = simulator(
+        tmp_path,
+        "simulator: {function: tests.programs.pendulum}",
+        "trust=tests.programs.pendulum",
+        "recording.path=recorded.csv",
+        parameters="{g: 4.0, unread: 2}",
+    ).systems
+    library = resolve(
+        system,
+        [
+            Term("omega", system.parse(text, "test", equation="omega"))
+            for text in ("omega", "sin(theta)")
+        ],
+    )
+    states = torch.randn((30, 2), generator=torch.Generator().manual_seed(1)).double()
+    found = build_candidates(system, library, states, 0.0)
+    assert [str(each) for each in found] == ["parameter g", "omega: omega"]
+    # As for equations, a term with the same effect is no candidate.
+    assert found[0].in_program and found[0].replaces == ("omega: sin(theta)",)
+    # A run has the changed value: nothing is of first order only.
+    assert exact_change(system, "g", 0.4) == 0.4
+    tendency = tendency_size(system, states, 0.0)[1]
+    expected = float(tendency / torch.sin(states[:, 0]).square().mean().sqrt())
+    assert 0.5 * expected < found[0].scale < 2 * expected

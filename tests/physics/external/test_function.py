@@ -57,6 +57,16 @@ def test_a_function_of_arrays_takes_all_states_in_one_call() -> None:
     assert program.conduct.way.arrays and program.rounding < 1e-15
 
 
+def test_no_function_is_called_for_a_step_of_no_length() -> None:
+    def step(state, t, dt, inputs, parameters):
+        assert np.min(dt) > 0
+        return decay(state, t, dt, inputs, parameters)
+
+    states, dt = np.array([[1.0], [2.0], [3.0]]), np.array([0.0, 0.1, 0.0])
+    found = stepped(opened(step), states, dt=dt)
+    np.testing.assert_allclose(found[:, 0], [1.0, 1.6, 3.0])
+
+
 def test_a_function_of_one_state_is_called_for_each() -> None:
     program = opened(shift)
     states = np.random.default_rng(0).normal(size=(3, 1, 6))

@@ -8,6 +8,7 @@ from torch import Tensor
 
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.library import resolve
+from dashred.physics.program_parameters import parameter_term
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
@@ -16,6 +17,8 @@ from dashred.physics.tangents.ode_tangents import tangent_ode
 from dashred.physics.tangents.program_tangents import tangent_program
 from dashred.physics.tangents.tangent_linear import tangent_linear
 
+# Factor of the law in each trajectory.
+EACH = torch.tensor([[1.0], [-1.0]]).double()
 TIMES = torch.linspace(0, 2, 21, dtype=torch.float64)
 PENDULUM = """
     fields: {theta: angle, omega: rate}
@@ -90,3 +93,27 @@ def test_columns_of_a_field_are_those_of_its_equations(
     expected = stacked(tangent_linear(known, *parts, forcing_basis=basis))[1]
     found = stacked(tangent_program(program, *parts, forcing_basis=basis))[1]
     assert relative(found, expected).max() < limit
+
+
+def test_the_column_of_a_parameter_of_the_program_is_that_of_the_equations(make_system) -> None:
+    known = make_system(PENDULUM.replace("BODY", "equations: {theta: omega, omega: -g*sin(theta)}"))
+    program = make_system(
+        PENDULUM.replace("BODY", "simulator: {function: tests.programs.pendulum}"),
+        "trust=tests.programs.pendulum",
+        "recording.path=recorded.csv",
+    )
+    start, eye = nominal_start(known)[0], torch.eye(2, dtype=torch.float64)
+    # The law: g is 4.5, and there is a damping. The columns are those by g and by the damping.
+    by_equations = terms(known, ("omega", "-sin(theta)"), ("omega", "omega"))
+    by_program = parameter_term("g"), by_equations[1]
+    size = torch.tensor([[0.5, -0.3]]).double()
+    laws = Forcing(by_equations, size), Forcing(by_program, size)
+    sources = [(term,) for term in by_equations], [(term,) for term in by_program]
+    states, columns = stacked(tangent_ode(known, start, eye, TIMES, laws[0], sources[0]))
+    found_states, found = stacked(tangent_program(program, start, eye, TIMES, laws[1], sources[1]))
+    torch.testing.assert_close(found_states, states, rtol=1e-4, atol=1e-4)
+    assert relative(found, columns).max() < 1e-3
+    both = simulate(program, start.expand(2, -1), TIMES, Forcing(by_program, size * EACH))
+    torch.testing.assert_close(both[0], found_states, rtol=1e-12, atol=1e-12)
+    [alone] = simulate(known, start[None], TIMES, Forcing(by_equations, -size))
+    torch.testing.assert_close(both[1], alone, rtol=1e-4, atol=1e-4)

@@ -193,4 +193,4 @@ def rival_score(
 def _in_region(candidate: Candidate, bump: Expr) -> Candidate:
     """Return a candidate multiplied by a bump."""
     terms = tuple(Term(t.equation, multiply((bump, t.expression))) for t in candidate.terms)
-    return replace(candidate, terms=terms)
+    return replace(candidate, terms=terms, in_program=False)

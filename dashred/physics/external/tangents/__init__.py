@@ -1,0 +1,1 @@
+"""Tangents of a step that a program itself offers."""

@@ -1,0 +1,60 @@
+"""Changes of the parameters of a program, as terms of a law.
+
+A term of an equation is added to its tendency. A change of a parameter of a program cannot be: the
+program is called with the changed value. Its term has no equation but the name of the parameter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from dashred.physics.expressions.algebra import Number
+from dashred.physics.external.protocol import Array
+from dashred.physics.system import Term
+
+# Begins the equation of a change; it contains a space, so that it is no name of the language.
+PARAMETER = "parameter "
+
+
+def parameter_term(name: str) -> Term:
+    """Return the term whose coefficient is the change of a parameter of the program."""
+    return Term(PARAMETER + name, Number(1.0))
+
+
+def changed_parameter(term: Term) -> str | None:
+    """Return the parameter of the program that a term changes; None for a term of an equation."""
+    return term.equation.removeprefix(PARAMETER) if PARAMETER in term.equation else None
+
+
+def added_terms(terms: Sequence[Term]) -> tuple[Term, ...]:
+    """Return the terms that are added to equations."""
+    return tuple(term for term in terms if changed_parameter(term) is None)
+
+
+def parameter_slopes(
+    step: Callable[[Mapping[str, float]], Array],
+    parameters: Mapping[str, float],
+    names: Sequence[str],
+    rounding: float,
+) -> Array:
+    """Return the derivatives of a step by parameters, ``(name, batch, field, *grid)``.
+
+    They are central differences ``(P(p + δ) - P(p - δ)) / 2δ`` with δ the third root of the
+    rounding error, relative to p.
+
+    Args:
+        step: (parameters) → states after the step, ``(batch, field, *grid)``.
+        parameters: values by name.
+        names: of the parameters.
+        rounding: relative rounding error of the step.
+    """
+    found = []
+    for name in names:
+        value = parameters[name]
+        change = rounding ** (1 / 3) * (abs(value) or 1.0)
+        up, down = value + change, value - change
+        ends = step({**parameters, name: up}), step({**parameters, name: down})
+        found.append((ends[0] - ends[1]) / (up - down))
+    return np.stack(found)
