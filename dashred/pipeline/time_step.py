@@ -58,6 +58,8 @@ def with_time_step(
     For an expensive program it is that of the samples: to choose it would take most of the budget.
     The error of splitting is measured with the law.
 
+    If the budget gives no time to choose, it is the last step that was tried.
+
     Fixed steps of ``rk4`` take the place of an adaptive method. They have exact derivatives, and
     they are compiled: an adaptive method takes many times as long.
 
@@ -69,7 +71,7 @@ def with_time_step(
         budget: of the run.
 
     Raises:
-        InputError: no step is short enough, or there was no time to find it.
+        InputError: no step is short enough.
     """
     times = torch.from_numpy(recording.times)
     interval = float((times[1:] - times[:-1]).median())
@@ -90,12 +92,13 @@ def with_time_step(
             if _change(coarse, fine, recording, allowed, deadline) <= 1:
                 why = f"time step: {tried:.6g}{of}, chosen for an error far below the noise"
                 return fixed.with_step(tried), why
-        reason = ""
     except OutOfTimeError:
-        reason = ", and the budget gives no more time to choose"
+        # The check of the resolution tells whether it suffices.
+        why = f"time step: {tried:.6g}{of}, the last one tried: the budget gives no more time"
+        return fixed.with_step(tried), why
     hint = "give system.integrator.dt, or look at the signs of the equations"
     raise InputError(
-        f"a time step of {tried:.3g} is still too long for the noise of the recording{reason}",
+        f"a time step of {tried:.3g} is still too long for the noise of the recording",
         where=system.where("system.integrator"),
         hint=hint_of_failure(system.program, hint),
     )
