@@ -23,7 +23,7 @@ from dashred.physics.backends.torch_backend import Program as Expressions
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.schedule import Step, schedule
-from dashred.physics.solvers.splitting import AddedFlow, Flow, ProgramFlow
+from dashred.physics.solvers.splitting import AddedFlow, Flow, ProgramFlow, split_steps
 from dashred.physics.system import System, Term
 from dashred.physics.tangents.ode_tangents import OdeColumns
 from dashred.physics.tangents.semilinear_rhs import with_terms
@@ -70,14 +70,13 @@ def tangent_program(
     # The largest size of each field so far: a field that crosses zero is no small field.
     reach = reach.reshape(*reach.shape[:2], -1).amax(dim=(0, 2))
     yield state, columns
-    for step in schedule(times.tolist(), system.dt):
-        half = step.h / 2
-        state, columns = added(state, columns, step.t, half)
+    for step in split_steps(schedule(times.tolist(), system.dt)):
+        state, columns = added(state, columns, *step.before)
         reach = torch.maximum(reach, state.abs().reshape(len(state), -1).amax(dim=1))
         small = flow.program.rounding**0.5 * reach
         state, columns = carry(flow, state, columns, step.t, step.h, small)
-        state, columns = added(state, columns, step.t + half, half)
-        if step.ends:
+        if step.after is not None:
+            state, columns = added(state, columns, *step.after)
             yield state, columns
 
 
@@ -147,7 +146,7 @@ def carry(
 
 
 class _GridColumns:
-    """The half step of fields: differences of the flow, and the sources in its middle.
+    """The half step of fields: differences of the flow, and half of the sources at both ends.
 
     Args:
         system: with a program.
@@ -181,13 +180,16 @@ class _GridColumns:
 
     def __call__(self, state: Tensor, columns: Tensor, t: float, h: float) -> tuple[Tensor, Tensor]:
         """See :class:`HalfStep`."""
-        after, moved = state, columns
+        sources = h / 2 * self._sources(state, t)
+        columns = columns.clone()
+        columns[self.first :] += sources
+        after = state
         if not self.flow.is_empty:
             small = ROUNDING**0.5 * state.abs().reshape(len(state), -1).amax(dim=1)
-            after, moved = carry(self.flow, state, columns, t, h, small)
-        moved = moved.clone()
-        moved[self.first :] += h * self._sources((state + after) / 2, t + h / 2)
-        return after, moved
+            after, columns = carry(self.flow, state, columns, t, h, small)
+            sources = h / 2 * self._sources(after, t + h)
+        columns[self.first :] += sources
+        return after, columns
 
     def _sources(self, state: Tensor, t: float) -> Tensor:
         """Return the sources ``(column, field, *grid)`` at a state ``(field, *grid)``."""
