@@ -58,6 +58,16 @@ def heat_of_singles(
     return {"u": found["u"].astype(np.float32)}
 
 
+def pendulum_of_singles(
+    state: Mapping[str, Any], t: Any, dt: Any, inputs: Any, parameters: Mapping[str, float]
+) -> dict[str, Any]:
+    """Return :func:`pendulum` in single precision, as JAX does without ``jax_enable_x64``."""
+    given = {name: np.asarray(value, np.float32) for name, value in state.items()}
+    single = {"g": np.float32(parameters["g"])}
+    found = pendulum(given, t, np.asarray(dt, np.float32), inputs, single)
+    return {name: value.astype(np.float32) for name, value in found.items()}
+
+
 def pendulum_without_data(
     state: Mapping[str, Any], t: Any, dt: Any, inputs: Any, parameters: Mapping[str, float]
 ) -> dict[str, Any]:

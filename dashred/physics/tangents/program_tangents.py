@@ -22,6 +22,7 @@ from torch import Tensor
 from dashred.physics.backends.torch_backend import Program as Expressions
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.rhs import dealias_mask
 from dashred.physics.solvers.schedule import Step, schedule
 from dashred.physics.solvers.splitting import AddedFlow, Flow, ProgramFlow, split_steps
 from dashred.physics.system import System, Term
@@ -71,12 +72,12 @@ def tangent_program(
     reach = reach.reshape(*reach.shape[:2], -1).amax(dim=(0, 2))
     yield state, columns
     for step in split_steps(schedule(times.tolist(), system.dt)):
-        state, columns = added(state, columns, *step.before)
+        state, columns = added(state, columns, *step.before, reach)
         reach = torch.maximum(reach, state.abs().reshape(len(state), -1).amax(dim=1))
         small = flow.program.rounding**0.5 * reach
         state, columns = carry(flow, state, columns, step.t, step.h, small)
         if step.after is not None:
-            state, columns = added(state, columns, *step.after)
+            state, columns = added(state, columns, *step.after, reach)
             yield state, columns
 
 
@@ -89,8 +90,18 @@ class HalfStep(Protocol):
 
     count: int
 
-    def __call__(self, state: Tensor, columns: Tensor, t: float, h: float) -> tuple[Tensor, Tensor]:
-        """Return the state ``(field, *grid)`` and the columns ``(column, field, *grid)``."""
+    def __call__(
+        self, state: Tensor, columns: Tensor, t: float, h: float, reach: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Return the state ``(field, *grid)`` and the columns ``(column, field, *grid)``.
+
+        Args:
+            state: at t, ``(field, *grid)``.
+            columns: ``(column, field, *grid)``.
+            t: time.
+            h: step.
+            reach: size of each field, ``(field,)``.
+        """
 
 
 class _OdeColumns:
@@ -100,7 +111,9 @@ class _OdeColumns:
         self.columns = OdeColumns(system, *parts)
         self.count = self.columns.count
 
-    def __call__(self, state: Tensor, columns: Tensor, t: float, h: float) -> tuple[Tensor, Tensor]:
+    def __call__(
+        self, state: Tensor, columns: Tensor, t: float, h: float, reach: Tensor
+    ) -> tuple[Tensor, Tensor]:
         """See :class:`HalfStep`."""
         whole = Step(t, h, begins=True, ends=True)
         states, moved = self.columns.advance(state.numpy(), columns.numpy(), [whole])
@@ -177,16 +190,19 @@ class _GridColumns:
             for term in terms
         ]
         self.values = Expressions([term.expression for terms in sources for term in terms])
+        dealias = system.spectral and system.config.integrator.dealias
+        self.mask = dealias_mask(system) if dealias else None
 
-    def __call__(self, state: Tensor, columns: Tensor, t: float, h: float) -> tuple[Tensor, Tensor]:
+    def __call__(
+        self, state: Tensor, columns: Tensor, t: float, h: float, reach: Tensor
+    ) -> tuple[Tensor, Tensor]:
         """See :class:`HalfStep`."""
         sources = h / 2 * self._sources(state, t)
         columns = columns.clone()
         columns[self.first :] += sources
         after = state
         if not self.flow.is_empty:
-            small = ROUNDING**0.5 * state.abs().reshape(len(state), -1).amax(dim=1)
-            after, columns = carry(self.flow, state, columns, t, h, small)
+            after, columns = carry(self.flow, state, columns, t, h, ROUNDING**0.5 * reach)
             sources = h / 2 * self._sources(after, t + h)
         columns[self.first :] += sources
         return after, columns
@@ -195,7 +211,7 @@ class _GridColumns:
         """Return the sources ``(column, field, *grid)`` at a state ``(field, *grid)``."""
         system, shape = self.system, self.system.grid.shape
         found = torch.zeros((self.driven, *state.shape), dtype=torch.float64)
-        values = self.values(system.values(state[None], t), system.operators)
+        values = self.values(system.values(self._dealiased(state[None]), t), system.operators)
         for (column, field), value in zip(self.places, values, strict=True):
             points = torch.as_tensor(system.operators.on_grid(value), dtype=torch.float64)
             found[column, field] += points.expand(1, *shape)[0]
@@ -205,4 +221,11 @@ class _GridColumns:
             places = product(range(fields), range(cells), range(courses))
             for column, (field, cell, course) in enumerate(places, self.terms):
                 found[column, field] = self.basis.bumps[cell] * float(hats[course])
-        return found
+        return self._dealiased(found)
+
+    def _dealiased(self, states: Tensor) -> Tensor:
+        """Return states ``(batch, field, *grid)`` without the highest modes, as the law sees them."""
+        if self.mask is None:
+            return states
+        dims, shape = self.system.grid.dims, self.system.grid.shape
+        return torch.fft.irfftn(torch.fft.rfftn(states, dim=dims) * self.mask, s=shape, dim=dims)

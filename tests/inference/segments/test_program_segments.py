@@ -59,3 +59,23 @@ def test_states_columns_and_rates_are_those_of_the_equations(tmp_path: Path) -> 
     np.testing.assert_allclose(program.run(nodes, law, xi, force), found, rtol=1e-12, atol=1e-12)
     rates, *_ = program.tendencies(nodes, law)
     np.testing.assert_allclose(rates, known.tendencies(nodes, law)[0], rtol=0, atol=0.03)
+
+
+def test_differences_have_the_size_that_single_precision_needs(tmp_path: Path) -> None:
+    body = "simulator: {{function: tests.programs.{0}}}"
+    names = ("pendulum", "pendulum_of_singles")
+    double, single = (
+        simulator(
+            tmp_path, body.format(name), f"trust=tests.programs.{name}", "recording.path=r.csv"
+        )
+        for name in names
+    )
+    nodes = torch.randn((5, 2), generator=torch.Generator().manual_seed(1)).double().numpy()
+    law = candidates(double.systems[0], ("omega", "omega"), ("omega", "theta**3"))
+    xi = np.array([-0.3, 0.1])
+    expected, slopes = double.linearise(nodes, law, xi)
+    found, columns = single.linearise(nodes, law, xi)
+    program = single.systems[0].program
+    assert program is not None and 1e-8 < program.rounding < 1e-6
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(columns, slopes, rtol=0, atol=1e-2 * np.abs(slopes).max())
