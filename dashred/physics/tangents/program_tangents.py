@@ -224,7 +224,7 @@ class _GridColumns:
         return self._dealiased(found)
 
     def _dealiased(self, states: Tensor) -> Tensor:
-        """Return states ``(batch, field, *grid)`` without the highest modes, as the law sees them."""
+        """Return states ``(batch, field, *grid)`` without the highest modes, as for the law."""
         if self.mask is None:
             return states
         dims, shape = self.system.grid.dims, self.system.grid.shape

@@ -16,6 +16,13 @@ from dashred.physics.tangents.ode_tangents import tangent_ode
 from dashred.physics.tangents.program_tangents import tangent_program
 from dashred.physics.tangents.tangent_linear import tangent_linear
 
+STRING = """
+    axes: {x: {length: 2*pi, points: 32}}
+    fields: {u: place, v: velocity}
+    simulator: {function: tests.programs.string}
+    start: {u: sin(x) + 0.3*cos(8*x), v: 0}
+    integrator: {dt: 0.05, dealias: true}
+"""
 TIMES = torch.linspace(0, 2, 21, dtype=torch.float64)
 PENDULUM = """
     fields: {theta: angle, omega: rate}
@@ -90,3 +97,28 @@ def test_columns_of_a_field_are_those_of_its_equations(
     expected = stacked(tangent_linear(known, *parts, forcing_basis=basis))[1]
     found = stacked(tangent_program(program, *parts, forcing_basis=basis))[1]
     assert relative(found, expected).max() < limit
+
+
+def test_columns_of_a_field_that_starts_at_zero_are_those_of_the_steps(make_system) -> None:
+    system = make_system(STRING, "trust=tests.programs.string", "recording.path=recorded.csv")
+    start, x = nominal_start(system)[0], system.grid.coordinates["x"]
+    directions = torch.stack([0 * start, 0 * start])
+    directions[0, 0], directions[1, 1] = torch.cos(x), torch.cos(2 * x)
+    own = terms(system, ("u", "v"), ("v", "u**3"), ("v", "d(v, x)"))
+    weights = torch.tensor([-0.3, 0.2, 0.0]).double()
+    sources = [(term,) for term in own]
+    forcing = Forcing(own, weights[None])
+    times = TIMES[:11]
+    _, columns = stacked(tangent_program(system, start, directions, times, forcing, sources))
+
+    def run(moved: Tensor, by: Tensor) -> Tensor:
+        return simulate(system, moved[None], times, Forcing(own, (weights + by)[None]))[0]
+
+    small, units = 1e-6, torch.eye(3, dtype=torch.float64)
+    ways = [(direction, 0 * units[0]) for direction in directions]
+    ways += [(0 * start, unit) for unit in units]
+    pairs = [
+        (run(start + small * a, small * b), run(start - small * a, -small * b)) for a, b in ways
+    ]
+    expected = torch.stack([(later - before) / (2 * small) for later, before in pairs], dim=1)
+    assert relative(columns, expected).max() < 2e-4
