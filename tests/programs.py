@@ -50,12 +50,33 @@ def heat(
     return {"u": np.fft.irfft(modes, np.shape(state["u"])[-1])}
 
 
+def string(
+    state: Mapping[str, Any], t: Any, dt: Any, inputs: Any, parameters: Mapping[str, float]
+) -> dict[str, Any]:
+    """``u_t = v``, ``v_t = u_xx`` on a periodic axis of length 2π, exactly."""
+    u, v = (np.fft.rfft(state[name]) for name in ("u", "v"))
+    k = np.arange(u.shape[-1])
+    c, s = np.cos(k * dt), np.sin(k * dt)
+    after = {"u": c * u + dt * np.sinc(k * dt / np.pi) * v, "v": c * v - k * s * u}
+    return {name: np.fft.irfft(modes, np.shape(state["u"])[-1]) for name, modes in after.items()}
+
+
 def heat_of_singles(
     state: Mapping[str, Any], t: Any, dt: Any, inputs: Any, parameters: Mapping[str, float]
 ) -> dict[str, Any]:
     """Return :func:`heat` in single precision."""
     found = heat(state, t, dt, inputs, parameters)
     return {"u": found["u"].astype(np.float32)}
+
+
+def pendulum_of_singles(
+    state: Mapping[str, Any], t: Any, dt: Any, inputs: Any, parameters: Mapping[str, float]
+) -> dict[str, Any]:
+    """Return :func:`pendulum` in single precision, as JAX does without ``jax_enable_x64``."""
+    given = {name: np.asarray(value, np.float32) for name, value in state.items()}
+    single: dict[str, Any] = {"g": np.float32(parameters["g"])}
+    found = pendulum(given, t, np.asarray(dt, np.float32), inputs, single)
+    return {name: value.astype(np.float32) for name, value in found.items()}
 
 
 def pendulum_without_data(

@@ -1,7 +1,8 @@
-"""Evaluate dashred on truths of other solvers: ``dashred evaluate foreign run tag=NAME``.
+"""Evaluate dashred: ``dashred evaluate foreign run tag=NAME``, ``dashred evaluate programs run``.
 
-The cases follow from the hash of a tagged commit. Each is analysed by a process without access to
-its truth, frozen and scored, and stored as one row. The page is written from all rows.
+`foreign` has truths of other solvers. The cases follow from the hash of a tagged commit. Each is
+analysed by a process without access to its truth, frozen and scored, and stored as one row. The
+page is written from all rows. `programs` analyses the bundled systems behind a function.
 """
 
 from __future__ import annotations
@@ -10,6 +11,27 @@ from dashred.core.errors import DONE, OUR_FAILURE
 
 
 def main(argv: list[str]) -> int:
+    """Run a benchmark, or write its page."""
+    return _programs(argv) if argv[:1] == ["programs"] else _foreign(argv)
+
+
+def _programs(argv: list[str]) -> int:
+    """Run the rows that are not done, or write the page."""
+    from dashred.evaluation.programs.arguments import read_words
+
+    request = read_words(argv)
+    if request.action == "document":
+        from dashred.evaluation.programs.document import write_document
+
+        write_document(request)
+        return DONE
+    from dashred.evaluation.programs.run import run_programs
+
+    run_programs(request)
+    return DONE
+
+
+def _foreign(argv: list[str]) -> int:
     """List the cases of a draw, run those that are not done, or write the page."""
     from dashred.evaluation.foreign.arguments import read_words
 

@@ -166,6 +166,13 @@ def foreign_words(words: list[str], folder: Path) -> None:
     read_words([re.sub(r"^tag=", "draw=", word) for word in words[2:]])
 
 
+def program_words(words: list[str], folder: Path) -> None:
+    """Read the words of a table of programs."""
+    from dashred.evaluation.programs.arguments import read_words
+
+    read_words(words[2:])
+
+
 Check = Callable[[list[str], Path], None]
 CHEAP: dict[str, Check] = {
     r"make [a-z-]+": make,
@@ -184,6 +191,7 @@ WORDS: dict[str, Check] = {
     r"dashred (bench|compare) systems=.*": bench_words,
     r"dashred prove cases=.*": proof_words,
     r"dashred evaluate foreign (plan|run|document) tag=.*": foreign_words,
+    r"dashred evaluate programs (run|document).*": program_words,
 }
 # What `make test-all` runs to the end, by where it leaves its findings; each takes minutes. Benches
 # and proofs take hours.

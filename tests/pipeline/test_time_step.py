@@ -178,11 +178,11 @@ def test_a_simulator_that_blows_up_keeps_a_step_for_its_beginning(tmp_path: Path
     assert 0 < problem.system.dt <= 0.1
 
 
-def test_no_time_to_choose_is_one_error(tmp_path: Path) -> None:
+def test_without_time_to_choose_the_last_step_tried_is_taken(tmp_path: Path) -> None:
     values = van_der_pol(0.5) | {"budget": 1e-6}
-    with pytest.raises(InputError, match="while the time step was chosen") as told:
-        problem_of(tmp_path, values, recorded(0.5))
-    assert "s of CPU" in str(told.value) and "budget=SECONDS" in str(told.value)
+    problem = problem_of(tmp_path, values, recorded(0.5))
+    assert problem.system.dt == pytest.approx(0.1)
+    assert "the last one tried: the budget gives no more time" in problem.clock
 
 
 def test_a_twin_needs_a_step(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from dashred.core.threads import in_threads
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.solvers.compiled_rhs import CompiledTendency
 from dashred.physics.solvers.compiled_step import Modes, StepArrays, integrate_row
-from dashred.physics.solvers.etdrk4 import coefficients
+from dashred.physics.solvers.etdrk4 import CACHE_SIZE, coefficients
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.schedule import schedule
 from dashred.physics.system import System, Term
@@ -45,6 +45,7 @@ class CompiledETDRK4:
     ) -> None:
         self.system = system
         self.tendency = CompiledTendency(system, terms, shapes)
+        self._known: dict[tuple[bytes, tuple[float, ...]], Modes] = {}
 
     def with_step(self, dt: float) -> CompiledETDRK4:
         """Return a copy with another time step, without recompilation."""
@@ -72,7 +73,7 @@ class CompiledETDRK4:
         """
         batch = self.tendency.batch(weights.numpy(), sampled_forcing)
         steps = StepArrays.of(list(schedule(times.tolist(), self.system.dt)))
-        factors = etdrk4_factors(batch.linear, steps.lengths.tolist())
+        factors = self._factors(batch.linear, steps.lengths.tolist())
         fields, shape = start.shape[1], self.system.grid.shape
         states = np.full((len(start), len(times), fields, math.prod(shape)), np.nan)
         states[:, 0] = start.numpy().reshape(len(start), fields, -1)
@@ -98,6 +99,17 @@ class CompiledETDRK4:
                 if progress is not None:
                     progress(done)
         return torch.from_numpy(states.reshape(*states.shape[:3], *shape))
+
+    def _factors(self, linear: Modes, lengths: Sequence[float]) -> Modes:
+        """Return :func:`etdrk4_factors`, known for a linear part that all trajectories share."""
+        if len(linear) > 1:
+            return etdrk4_factors(linear, lengths)
+        key = linear.tobytes(), tuple(lengths)
+        if key not in self._known:
+            if len(self._known) == CACHE_SIZE:
+                del self._known[next(iter(self._known))]
+            self._known[key] = etdrk4_factors(linear, lengths)
+        return self._known[key]
 
 
 def integrate_etdrk4(

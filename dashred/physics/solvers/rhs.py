@@ -65,12 +65,18 @@ class SpectralTendency:
         self.system, self.operators, self.sampled_forcing = system, operators, sampled_forcing
         parts = [split_linear(expr, field) for field, expr in system.resolved.items()]
         self.program = Program([rest for _, rest in parts])
+        self._has_rest = any(rest != ZERO for _, rest in parts)
         self.linear = symbols([linear for linear, _ in parts], operators, device)[None]
         self.forcing = None
         if forcing is not None:
             self.forcing = self._split_forcing(forcing, device)
         self.needs_coordinates = not self._names(forcing) <= set(system.fields)
         self.mask = dealias_mask(system).to(device) if system.config.integrator.dealias else None
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether N is zero."""
+        return not self._has_rest and self.sampled_forcing is None
 
     def __call__(self, modes: Tensor, t: float) -> Tensor:
         """Return N in modes, ``(batch, field, *modes)``."""
@@ -113,6 +119,7 @@ class SpectralTendency:
         nonlinear = [j for j, (_, rest) in enumerate(split) if rest != ZERO]
         rest = tuple(Term(forcing.terms[j].equation, split[j][1]) for j in nonlinear)
         remaining = Forcing(rest, forcing.coefficients[:, nonlinear])
+        self._has_rest = self._has_rest or bool(remaining.coefficients.any())
         return forcing_evaluator(remaining, self.system.fields, self.operators)
 
 

@@ -4,14 +4,15 @@ With the flow P of the program, and the flow L of the added terms::
 
     u(t + h) = L_{h/2} P_h L_{h/2} u(t) + O(h³)
 
-The method has second order in the step (Strang, SIAM J. Numer. Anal. 5, 1968). Without added terms
-the program is run as it is.
+The method has second order in the step (Strang, SIAM J. Numer. Anal. 5, 1968). Between two steps
+without an output, the halves of L are one step. Without added terms the program is run as it is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache, partial
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -23,13 +24,14 @@ from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.program_parameters import parameter_slopes
 from dashred.physics.runge_kutta import CLASSICAL, advance
 from dashred.physics.solvers.compiled_runge_kutta import CompiledRungeKutta
-from dashred.physics.solvers.etdrk4 import StepperCache
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.rhs import GridTendency, SpectralTendency
 from dashred.physics.solvers.schedule import Step
 from dashred.physics.system import System
 
 Flow = Callable[[Tensor, float, float], Tensor]
+# φ(z) is 1 + z/2 to rounding below this |z|.
+SMALL = 1e-8
 
 
 class AddedFlow:
@@ -68,14 +70,35 @@ class AddedFlow:
 def _spectral_step(
     system: System, forcing: Forcing | None, sampled_forcing: SampledForcing | None
 ) -> Flow:
+    """Return the exponential midpoint rule, which is exact for the linear part.
+
+    With ``û' = Lû + N(û, t)`` and ``φ(z) = (e^z - 1)/z`` (Hochbruck & Ostermann, Acta Numerica 19,
+    2010)::
+
+        a = e^(hL/2) û + h/2 φ(hL/2) N(û, t)        û(t + h) = e^(hL) û + h φ(hL) N(a, t + h/2)
+
+    It has the order of the splitting.
+    """
     tendency = SpectralTendency(system, forcing, torch.device("cpu"), sampled_forcing)
-    steppers, grid = StepperCache(tendency.linear, tendency), system.grid
+    grid = system.grid
+
+    @cache
+    def factors(h: float) -> tuple[Tensor, Tensor]:
+        z = h * tendency.linear.to(torch.complex128)
+        small = z.abs() < SMALL
+        whole = torch.where(small, 1.0, z)
+        return torch.exp(z), h * torch.where(small, 1 + z / 2, torch.expm1(whole) / whole)
 
     def advance_modes(state: Tensor, t: float, h: float) -> Tensor:
         # What the program puts into the highest modes is kept: the terms act on the others.
         low = tendency.dealias(torch.fft.rfftn(state, dim=grid.dims))
-        moved = steppers[h].step(low, t) - low
-        return state + torch.fft.irfftn(moved, s=grid.shape, dim=grid.dims)
+        full, weight = factors(h)
+        change = (full - 1) * low
+        if not tendency.is_linear:
+            full_half, weight_half = factors(h / 2)
+            middle = full_half * low + weight_half * tendency(low, t)
+            change = change + weight * tendency(middle, t + h / 2)
+        return state + torch.fft.irfftn(change, s=grid.shape, dim=grid.dims)
 
     return advance_modes
 
@@ -162,6 +185,32 @@ class ProgramFlow:
         return {name: np.broadcast_to(value, t.shape).copy() for name, value in found.items()}
 
 
+class SplitStep(NamedTuple):
+    """One step of a program, and the steps of the added terms around it.
+
+    Attributes:
+        t: time at which the step begins.
+        h: its length.
+        before: time and length of the step of the added terms before it.
+        after: of the one after it, if the state is an output then.
+    """
+
+    t: float
+    h: float
+    before: tuple[float, float]
+    after: tuple[float, float] | None
+
+
+def split_steps(steps: Iterable[Step]) -> Iterator[SplitStep]:
+    """Yield the steps of the splitting: halves between which there is no output are one step."""
+    waiting = 0.0
+    for step in steps:
+        half = step.h / 2
+        before, after = (step.t - waiting, waiting + half), (step.t + half, half)
+        waiting = 0.0 if step.ends else half
+        yield SplitStep(step.t, step.h, before, after if step.ends else None)
+
+
 def integrate_split(
     system: System,
     added: AddedFlow,
@@ -180,10 +229,8 @@ def integrate_split(
     """
     own, state = ProgramFlow(system, changes), start
     yield state
-    for step in steps:
-        half = step.h / 2
-        state = added(state, step.t, half)
-        state = own(state, step.t, step.h)
-        state = added(state, step.t + half, half)
-        if step.ends:
+    for step in split_steps(steps):
+        state = own(added(state, *step.before), step.t, step.h)
+        if step.after is not None:
+            state = added(state, *step.after)
             yield state

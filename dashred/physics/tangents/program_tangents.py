@@ -25,8 +25,9 @@ from dashred.physics.backends.torch_backend import Program as Expressions
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.program_parameters import added_terms, changed_parameter
 from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.rhs import dealias_mask
 from dashred.physics.solvers.schedule import Step, schedule
-from dashred.physics.solvers.splitting import AddedFlow, Flow, ProgramFlow
+from dashred.physics.solvers.splitting import AddedFlow, Flow, ProgramFlow, split_steps
 from dashred.physics.system import System, Term
 from dashred.physics.tangents.ode_tangents import OdeColumns
 from dashred.physics.tangents.semilinear_rhs import with_terms
@@ -78,9 +79,8 @@ def tangent_program(
     # The largest size of each field so far: a field that crosses zero is no small field.
     reach = reach.reshape(*reach.shape[:2], -1).amax(dim=(0, 2))
     yield state, columns
-    for step in schedule(times.tolist(), system.dt):
-        half = step.h / 2
-        state, columns = added(state, columns, step.t, half)
+    for step in split_steps(schedule(times.tolist(), system.dt)):
+        state, columns = added(state, columns, *step.before, reach)
         reach = torch.maximum(reach, state.abs().reshape(len(state), -1).amax(dim=1))
         small = flow.program.rounding**0.5 * reach
         before = state
@@ -90,8 +90,8 @@ def tangent_program(
             state, columns = push(flow, state, columns, step.t, step.h)
         if moved:
             columns[[*moved]] += flow.slopes(before, step.t, step.h, [*moved.values()])
-        state, columns = added(state, columns, step.t + half, half)
-        if step.ends:
+        if step.after is not None:
+            state, columns = added(state, columns, *step.after, reach)
             yield state, columns
 
 
@@ -104,8 +104,18 @@ class HalfStep(Protocol):
 
     count: int
 
-    def __call__(self, state: Tensor, columns: Tensor, t: float, h: float) -> tuple[Tensor, Tensor]:
-        """Return the state ``(field, *grid)`` and the columns ``(column, field, *grid)``."""
+    def __call__(
+        self, state: Tensor, columns: Tensor, t: float, h: float, reach: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Return the state ``(field, *grid)`` and the columns ``(column, field, *grid)``.
+
+        Args:
+            state: at t, ``(field, *grid)``.
+            columns: ``(column, field, *grid)``.
+            t: time.
+            h: step.
+            reach: size of each field, ``(field,)``.
+        """
 
 
 class _OdeColumns:
@@ -115,7 +125,9 @@ class _OdeColumns:
         self.columns = OdeColumns(system, *parts)
         self.count = self.columns.count
 
-    def __call__(self, state: Tensor, columns: Tensor, t: float, h: float) -> tuple[Tensor, Tensor]:
+    def __call__(
+        self, state: Tensor, columns: Tensor, t: float, h: float, reach: Tensor
+    ) -> tuple[Tensor, Tensor]:
         """See :class:`HalfStep`."""
         whole = Step(t, h, begins=True, ends=True)
         states, moved = self.columns.advance(state.numpy(), columns.numpy(), [whole])
@@ -177,7 +189,7 @@ def push(
 
 
 class _GridColumns:
-    """The half step of fields: differences of the flow, and the sources in its middle.
+    """The half step of fields: differences of the flow, and half of the sources at both ends.
 
     Args:
         system: with a program.
@@ -208,22 +220,28 @@ class _GridColumns:
             for term in terms
         ]
         self.values = Expressions([term.expression for terms in sources for term in terms])
+        dealias = system.spectral and system.config.integrator.dealias
+        self.mask = dealias_mask(system) if dealias else None
 
-    def __call__(self, state: Tensor, columns: Tensor, t: float, h: float) -> tuple[Tensor, Tensor]:
+    def __call__(
+        self, state: Tensor, columns: Tensor, t: float, h: float, reach: Tensor
+    ) -> tuple[Tensor, Tensor]:
         """See :class:`HalfStep`."""
-        after, moved = state, columns
+        sources = h / 2 * self._sources(state, t)
+        columns = columns.clone()
+        columns[self.first :] += sources
+        after = state
         if not self.flow.is_empty:
-            small = ROUNDING**0.5 * state.abs().reshape(len(state), -1).amax(dim=1)
-            after, moved = carry(self.flow, state, columns, t, h, small)
-        moved = moved.clone()
-        moved[self.first :] += h * self._sources((state + after) / 2, t + h / 2)
-        return after, moved
+            after, columns = carry(self.flow, state, columns, t, h, ROUNDING**0.5 * reach)
+            sources = h / 2 * self._sources(after, t + h)
+        columns[self.first :] += sources
+        return after, columns
 
     def _sources(self, state: Tensor, t: float) -> Tensor:
         """Return the sources ``(column, field, *grid)`` at a state ``(field, *grid)``."""
         system, shape = self.system, self.system.grid.shape
         found = torch.zeros((self.driven, *state.shape), dtype=torch.float64)
-        values = self.values(system.values(state[None], t), system.operators)
+        values = self.values(system.values(self._dealiased(state[None]), t), system.operators)
         for (column, field), value in zip(self.places, values, strict=True):
             points = torch.as_tensor(system.operators.on_grid(value), dtype=torch.float64)
             found[column, field] += points.expand(1, *shape)[0]
@@ -233,4 +251,11 @@ class _GridColumns:
             places = product(range(fields), range(cells), range(courses))
             for column, (field, cell, course) in enumerate(places, self.terms):
                 found[column, field] = self.basis.bumps[cell] * float(hats[course])
-        return found
+        return self._dealiased(found)
+
+    def _dealiased(self, states: Tensor) -> Tensor:
+        """Return states ``(batch, field, *grid)`` without the highest modes, as for the law."""
+        if self.mask is None:
+            return states
+        dims, shape = self.system.grid.dims, self.system.grid.shape
+        return torch.fft.irfftn(torch.fft.rfftn(states, dim=dims) * self.mask, s=shape, dim=dims)

@@ -115,3 +115,23 @@ def test_parameters_that_a_program_reads_are_candidates(tmp_path: Path) -> None:
     tendency = tendency_size(system, states, 0.0)[1]
     expected = float(tendency / torch.sin(states[:, 0]).square().mean().sqrt())
     assert 0.5 * expected < found[0].scale < 2 * expected
+
+
+def test_differences_have_the_size_that_single_precision_needs(tmp_path: Path) -> None:
+    body = "simulator: {{function: tests.programs.{0}}}"
+    names = ("pendulum", "pendulum_of_singles")
+    double, single = (
+        simulator(
+            tmp_path, body.format(name), f"trust=tests.programs.{name}", "recording.path=r.csv"
+        )
+        for name in names
+    )
+    nodes = torch.randn((5, 2), generator=torch.Generator().manual_seed(1)).double().numpy()
+    law = candidates(double.systems[0], ("omega", "omega"), ("omega", "theta**3"))
+    xi = np.array([-0.3, 0.1])
+    expected, slopes = double.linearise(nodes, law, xi)
+    found, columns = single.linearise(nodes, law, xi)
+    program = single.systems[0].program
+    assert program is not None and 1e-8 < program.rounding < 1e-6
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(columns, slopes, rtol=0, atol=1e-2 * np.abs(slopes).max())

@@ -13,7 +13,10 @@ from dashred.physics.library import resolve
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.runs.resolution import simulate_refined
 from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.rhs import SpectralTendency
+from dashred.physics.solvers.schedule import schedule
 from dashred.physics.solvers.simulate import simulate
+from dashred.physics.solvers.splitting import split_steps
 from dashred.physics.system import System, Term
 
 OSCILLATOR = """
@@ -112,3 +115,40 @@ def test_fields_that_a_program_does_not_know_have_equations(make_system) -> None
     [path] = simulate(system.with_step(0.005), nominal_start(system), TIMES)
     exact = (torch.sin(2 * TIMES) / 2 + 0.25 * (1 - torch.cos(2 * TIMES)) / 2).double()
     torch.testing.assert_close(path[:, 2], exact, rtol=1e-3, atol=1e-4)
+
+
+def test_halves_between_which_there_is_no_output_are_one_step() -> None:
+    found = list(split_steps(schedule([0.0, 0.4, 0.6], 0.2)))
+    assert [step.t for step in found] == pytest.approx([0.0, 0.2, 0.4])
+    befores = [(0.0, 0.1), (0.1, 0.2), (0.4, 0.1)]
+    assert [step.before for step in found] == [pytest.approx(before) for before in befores]
+    afters = [None, pytest.approx((0.3, 0.1)), pytest.approx((0.5, 0.1))]
+    assert [step.after for step in found] == afters
+
+
+def test_a_law_of_fields_converges_with_second_order(make_system) -> None:
+    system, ends = make_system(HEAT, *TRUST["heat"]), []
+    forcing = law(system, ("u", "u**2", -0.4), ("u", "u*d(u, x)", -0.3), ("u", "lap(u)", 0.1))
+    for dt in (0.05, 0.025, 0.0125, 0.00625):
+        ends.append(simulate(system.with_step(dt), nominal_start(system), TIMES, forcing)[0, -1])
+    changes = [float((a - b).abs().max()) for a, b in pairwise(ends)]
+    orders = [math.log2(a / b) for a, b in pairwise(changes)]
+    assert orders == pytest.approx([2.0, 2.0], abs=0.15)
+
+
+def test_a_linear_law_of_fields_takes_no_evaluation(make_system, monkeypatch) -> None:
+    system = make_system(HEAT, *TRUST["heat"])
+    calls: list[float] = []
+    rest = SpectralTendency.__call__
+
+    def counted(self: SpectralTendency, modes: torch.Tensor, t: float) -> torch.Tensor:
+        calls.append(t)
+        return rest(self, modes, t)
+
+    monkeypatch.setattr(SpectralTendency, "__call__", counted)
+    linear = law(system, ("u", "lap(u)", 0.2), ("u", "u**2", 0.0))
+    simulate(system, nominal_start(system), TIMES, linear)
+    assert not calls
+    simulate(system, nominal_start(system), TIMES, law(system, ("u", "u**2", 0.1)))
+    # Five steps between two outputs: six of the law, of two evaluations each.
+    assert len(calls) == 8 * 6 * 2

@@ -19,6 +19,13 @@ from dashred.physics.tangents.tangent_linear import tangent_linear
 
 # Factor of the law in each trajectory.
 EACH = torch.tensor([[1.0], [-1.0]]).double()
+STRING = """
+    axes: {x: {length: 2*pi, points: 32}}
+    fields: {u: place, v: velocity}
+    simulator: {function: tests.programs.string}
+    start: {u: sin(x) + 0.3*cos(8*x), v: 0}
+    integrator: {dt: 0.05, dealias: true}
+"""
 TIMES = torch.linspace(0, 2, 21, dtype=torch.float64)
 PENDULUM = """
     fields: {theta: angle, omega: rate}
@@ -117,3 +124,28 @@ def test_the_column_of_a_parameter_of_the_program_is_that_of_the_equations(make_
     torch.testing.assert_close(both[0], found_states, rtol=1e-12, atol=1e-12)
     [alone] = simulate(known, start[None], TIMES, Forcing(by_equations, -size))
     torch.testing.assert_close(both[1], alone, rtol=1e-4, atol=1e-4)
+
+
+def test_columns_of_a_field_that_starts_at_zero_are_those_of_the_steps(make_system) -> None:
+    system = make_system(STRING, "trust=tests.programs.string", "recording.path=recorded.csv")
+    start, x = nominal_start(system)[0], system.grid.coordinates["x"]
+    directions = torch.stack([0 * start, 0 * start])
+    directions[0, 0], directions[1, 1] = torch.cos(x), torch.cos(2 * x)
+    own = terms(system, ("u", "v"), ("v", "u**3"), ("v", "d(v, x)"))
+    weights = torch.tensor([-0.3, 0.2, 0.0]).double()
+    sources = [(term,) for term in own]
+    forcing = Forcing(own, weights[None])
+    times = TIMES[:11]
+    _, columns = stacked(tangent_program(system, start, directions, times, forcing, sources))
+
+    def run(moved: Tensor, by: Tensor) -> Tensor:
+        return simulate(system, moved[None], times, Forcing(own, (weights + by)[None]))[0]
+
+    small, units = 1e-6, torch.eye(3, dtype=torch.float64)
+    ways = [(direction, 0 * units[0]) for direction in directions]
+    ways += [(0 * start, unit) for unit in units]
+    pairs = [
+        (run(start + small * a, small * b), run(start - small * a, -small * b)) for a, b in ways
+    ]
+    expected = torch.stack([(later - before) / (2 * small) for later, before in pairs], dim=1)
+    assert relative(columns, expected).max() < 2e-4

@@ -1,0 +1,1 @@
+"""Bundled systems whose equations are hidden behind functions."""
