@@ -80,6 +80,7 @@ def test_a_row_is_run_once_scored_and_told(tmp_path: Path, monkeypatch: pytest.M
             "region": None,
         }
         law |= {"coefficient": 1.01 * true.coefficient, "std": 0.005 * abs(true.coefficient)}
+        law["region"] = None
         write_json_atomic(found / "findings.json", findings_of(section, "missing-term", [law]))
         freeze(found, [])
         return DONE, 12.5
