@@ -20,7 +20,7 @@ from dashred.physics.solvers.simulate import Progress, check_finite, simulate
 from dashred.physics.system import System
 
 MIN_VARIANCE = 1e-12
-# Share of the variance of a spread that an analysis may omit: every mode is a column of each
+# Share of the variance of a spread that an analysis omits at most: every mode is a column of each
 # Jacobian. Omitted is 1 % of the spread.
 OMITTED = 1e-4
 
@@ -89,16 +89,18 @@ def gaussian_process_modes(grid: Grid, length: float, count: int | None) -> Tens
     return torch.stack([_wave(grid, k) * math.sqrt(power / whole) for power, k in kept])
 
 
-def fitted_modes(system: System) -> int:
+def fitted_modes(system: System, omitted: float = OMITTED) -> int:
     """Return how many modes of a random start are fitted: as stated, or nearly all of its variance.
 
-    The latter omits 1 % of the spread.
+    Args:
+        system: with the spread.
+        omitted: share of the variance that is left out where nothing is stated.
     """
     stated = system.config.spread.get("modes")
     if stated is not None:
         return int(stated)
     powers = np.array([power for power, _ in _powers(system.grid, spread_length(system))])
-    last = np.count_nonzero(powers.cumsum() < (1 - OMITTED) * powers.sum())
+    last = np.count_nonzero(powers.cumsum() < (1 - omitted) * powers.sum())
     # Waves that differ in direction and phase alone have the same power: all of them or none.
     return int(np.count_nonzero(powers > 0.999 * powers[last]))
 

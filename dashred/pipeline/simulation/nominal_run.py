@@ -18,10 +18,10 @@ from dashred.physics.runs.initial_state_prior import (
     nominal_start,
 )
 from dashred.physics.solvers.simulate import check_finite, simulate
-from dashred.physics.system import System
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nudging import nudged_where_lost
 from dashred.pipeline.simulation.segmented_record import can_restart, restarted_where_lost
+from dashred.pipeline.simulation.start_modes import start_prior
 from dashred.pipeline.simulation.time_limit import within
 
 
@@ -79,14 +79,9 @@ def simulate_nominal(problem: Problem, seconds: dict[str, float]) -> NominalRun:
         if can_restart(problem):
             restarted = restarted_where_lost(problem, start[0], path[0])
         elif problem.snapshots is None:
-            prior = _prior(system, start[0], start)
+            prior = StartPrior(system, start[0], field_rms(start), fitted_modes(system))
             restarted = nudged_where_lost(problem, prior, (path[0], *others))
         else:
             check_finite(path, times, system)
-    prior = _prior(system, start[0], restarted[0] if restarted else path[0])
+    prior = start_prior(problem, start[0], restarted[0] if restarted else path[0])
     return NominalRun(prior, path[0], others, whole, restarted)
-
-
-def _prior(system: System, centre: Tensor, states: Tensor) -> StartPrior:
-    """Return the prior of the start; a spread in percent refers to states, ``(time, …)``."""
-    return StartPrior(system, centre, field_rms(states), fitted_modes(system))
