@@ -90,7 +90,10 @@ def resample_all(episodes: Episodes, every: float | None) -> tuple[Episodes, str
         every = max(_usable_step(part.recording) for part in parts)
     sampled, notes = [], []
     spans = [float(part.recording.times[-1] - part.recording.times[0]) for part in parts]
-    fewest = MIN_SAMPLES if every is None else fewest_samples([1 + round(s / every) for s in spans])
+    fewest = MIN_SAMPLES
+    if every is not None:
+        # The limit keeps the number finite where the step is far too short.
+        fewest = fewest_samples([1 + round(min(s / every, MIN_SAMPLES)) for s in spans])
     for part in parts:
         with name_episode_in_errors(part.name):
             recording, note = resample(part.recording, every, fewest)

@@ -132,6 +132,12 @@ def test_a_step_that_cannot_serve_is_refused(every, message):
         resample(recorded(0.1 * np.arange(100)), every)
 
 
+def test_a_step_beyond_all_numbers_is_refused():
+    times = np.r_[0.1 * np.arange(12), 1e9]
+    with pytest.raises(InputError):
+        resample_all(Episodes((Episode("", recorded(times)),)), 1e-300)
+
+
 def two_loggers(late: float, step: float = 0.1, other: float = 0.1, count: int = 60) -> Recording:
     """Return u at 0, 0.1, … and v a little later, in separate rows."""
     first, second = step * np.arange(count), late + other * np.arange(count)
