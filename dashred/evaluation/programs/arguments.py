@@ -36,7 +36,7 @@ class Request:
     systems: tuple[str, ...] = argument(
         list_reader(_read_system),
         "wave,rde",
-        f"bundled systems; default: all ({', '.join(bundled_names())})",
+        "bundled systems",
         default=",".join(bundled_names()),
     )
     twins: tuple[str, ...] = argument(
