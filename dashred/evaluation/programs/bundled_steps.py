@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from dashred.config import bundled_names, load_config
-from dashred.physics.solvers.compiled_runge_kutta import CompiledRungeKutta
+from dashred.physics.solvers.compiled.runge_kutta import CompiledRungeKutta
 from dashred.physics.solvers.compiled_simulator import compile_system
 from dashred.physics.solvers.schedule import round_up
 from dashred.physics.system import System

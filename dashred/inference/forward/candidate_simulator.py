@@ -18,7 +18,7 @@ from dashred.inference.forward.candidates import Candidate, build_forcing
 from dashred.physics.cells.compiled import CompiledCells
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.solvers.batch_coefficients import CoefficientLayout
-from dashred.physics.solvers.compiled_etdrk4 import CompiledETDRK4
+from dashred.physics.solvers.compiled.etdrk4 import CompiledETDRK4
 from dashred.physics.solvers.compiled_simulator import CompiledSystem, compile_system
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term

@@ -15,8 +15,8 @@ from dashred.physics.expressions.algebra import multiply
 from dashred.physics.expressions.semilinear import NotSemilinearError
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.solvers.batch_coefficients import CoefficientLayout
-from dashred.physics.solvers.compiled_etdrk4 import CompiledETDRK4
-from dashred.physics.solvers.compiled_runge_kutta import CompiledRungeKutta
+from dashred.physics.solvers.compiled.etdrk4 import CompiledETDRK4
+from dashred.physics.solvers.compiled.runge_kutta import CompiledRungeKutta
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.schedule import schedule
 from dashred.physics.solvers.simulate import is_compilation_worthwhile, simulate

@@ -60,8 +60,8 @@ def simulate(
         methods (ODEs) choose their steps for the whole batch, so there it does up to the tolerance.
     """
     if _should_compile(system, start, times, forcing, repeats):
-        from dashred.physics.solvers.compiled_etdrk4 import integrate_etdrk4
-        from dashred.physics.solvers.compiled_runge_kutta import integrate_runge_kutta
+        from dashred.physics.solvers.compiled.etdrk4 import integrate_etdrk4
+        from dashred.physics.solvers.compiled.runge_kutta import integrate_runge_kutta
 
         if not system.axes:
             return integrate_runge_kutta(system, start, times, forcing, progress, sampled_forcing)

@@ -23,7 +23,7 @@ from dashred.physics.external.protocol import Array, Program
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.program_parameters import parameter_slopes
 from dashred.physics.runge_kutta import CLASSICAL, advance
-from dashred.physics.solvers.compiled_runge_kutta import CompiledRungeKutta
+from dashred.physics.solvers.compiled.runge_kutta import CompiledRungeKutta
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.rhs import GridTendency, SpectralTendency
 from dashred.physics.solvers.schedule import Step

@@ -12,8 +12,8 @@ from torch import Tensor
 
 from dashred.physics.backends.numpy_backend import Array
 from dashred.physics.forcing_basis import SampledForcing
-from dashred.physics.solvers.compiled_etdrk4 import CompiledETDRK4, etdrk4_factors
-from dashred.physics.solvers.compiled_step import STAGES, StepArrays, integrate_stages
+from dashred.physics.solvers.compiled.etdrk4 import CompiledETDRK4, etdrk4_factors
+from dashred.physics.solvers.compiled.step import STAGES, StepArrays, integrate_stages
 from dashred.physics.solvers.schedule import Step
 from dashred.physics.tangents.reference_trajectory import Stages, stage_times
 from dashred.physics.tangents.semilinear_rhs import Modes

@@ -10,7 +10,7 @@ import numpy as np
 
 from dashred.physics.backends.numpy_backend import Array
 from dashred.physics.grids.transforms import from_modes, to_modes
-from dashred.physics.solvers.compiled_step import STAGES
+from dashred.physics.solvers.compiled.step import STAGES
 from dashred.physics.solvers.etdrk4 import coefficient_derivatives
 from dashred.physics.solvers.schedule import Step
 from dashred.physics.tangents.semilinear_rhs import Modes, SemilinearTendency

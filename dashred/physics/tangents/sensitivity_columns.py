@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dashred.physics.expressions.algebra import Expr
 from dashred.physics.grids.transforms import from_modes, to_modes
-from dashred.physics.solvers.compiled_step import STAGES
+from dashred.physics.solvers.compiled.step import STAGES
 from dashred.physics.solvers.schedule import Step
 from dashred.physics.tangents import column_kernels as kernels
 from dashred.physics.tangents.semilinear_rhs import Modes, SemilinearTendency

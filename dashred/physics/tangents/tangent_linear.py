@@ -23,7 +23,7 @@ from dashred.physics.backends.numpy_backend import Pointwise
 from dashred.physics.expressions.algebra import ZERO
 from dashred.physics.expressions.semilinear import NotSemilinearError, semilinear_form
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
-from dashred.physics.solvers.compiled_step import STAGES
+from dashred.physics.solvers.compiled.step import STAGES
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.schedule import Step, schedule
 from dashred.physics.system import System, Term

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from dashred.physics.backends.input_signals import Array, InputSignals
-from dashred.physics.solvers.compiled_runge_kutta import CompiledRungeKutta
+from dashred.physics.solvers.compiled.runge_kutta import CompiledRungeKutta
 from dashred.physics.solvers.compiled_simulator import compile_system
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System

@@ -8,7 +8,7 @@ import torch
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.library import resolve
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.solvers.compiled_etdrk4 import CompiledETDRK4
+from dashred.physics.solvers.compiled.etdrk4 import CompiledETDRK4
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
 from dashred.physics.tangents.compiled_trajectory import CompiledTrajectory

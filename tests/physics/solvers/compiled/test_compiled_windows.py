@@ -12,8 +12,8 @@ from torch import Tensor
 from dashred.physics.expressions.algebra import multiply
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.batch_coefficients import CoefficientLayout
-from dashred.physics.solvers.compiled_etdrk4 import CompiledETDRK4
-from dashred.physics.solvers.compiled_runge_kutta import CompiledRungeKutta
+from dashred.physics.solvers.compiled.etdrk4 import CompiledETDRK4
+from dashred.physics.solvers.compiled.runge_kutta import CompiledRungeKutta
 from dashred.physics.solvers.compiled_simulator import InterpretedSystem, compile_system
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate

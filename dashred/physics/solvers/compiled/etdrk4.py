@@ -14,8 +14,9 @@ from torch import Tensor
 
 from dashred.core.threads import in_threads
 from dashred.physics.forcing_basis import SampledForcing
-from dashred.physics.solvers.compiled_rhs import CompiledTendency
-from dashred.physics.solvers.compiled_step import Modes, StepArrays, integrate_row
+from dashred.physics.solvers.compiled.rhs import CompiledTendency
+from dashred.physics.solvers.compiled.step import StepArrays, integrate_row
+from dashred.physics.solvers.compiled.tendency import Modes
 from dashred.physics.solvers.etdrk4 import CACHE_SIZE, coefficients
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.schedule import schedule

@@ -13,8 +13,8 @@ from torch import Tensor
 
 from dashred.core.threads import use_threads
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.solvers.compiled_etdrk4 import CompiledETDRK4
-from dashred.physics.solvers.compiled_runge_kutta import CompiledRungeKutta
+from dashred.physics.solvers.compiled.etdrk4 import CompiledETDRK4
+from dashred.physics.solvers.compiled.runge_kutta import CompiledRungeKutta
 from dashred.physics.solvers.compiled_simulator import (
     CompiledSystem,
     InterpretedSystem,

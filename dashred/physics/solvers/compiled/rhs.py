@@ -17,7 +17,7 @@ from dashred.physics.grids.fourier_symbols import symbols
 from dashred.physics.grids.spectral import Spectral
 from dashred.physics.grids.transforms import to_modes
 from dashred.physics.solvers.batch_coefficients import CoefficientLayout
-from dashred.physics.solvers.compiled_step import Modes, TendencyArrays
+from dashred.physics.solvers.compiled.tendency import Modes, TendencyArrays
 from dashred.physics.solvers.rhs import dealias_mask
 from dashred.physics.system import System, Term
 from dashred.physics.window import Shape

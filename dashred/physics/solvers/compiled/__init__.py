@@ -1,0 +1,1 @@
+"""Time steps in machine code."""
