@@ -20,6 +20,9 @@ from dashred.pipeline.problem import Problem
 NOISE_SHARE = 0.02
 # Share of the segments whose error decides: a badly guessed state may blow up.
 QUANTILE = 0.9
+# A simulator that lacks what holds it leaves the recording. So many std from its mean the errors of
+# what follows tell nothing.
+LEFT = 5.0
 
 
 def resolve_steps(
@@ -93,23 +96,35 @@ def local_resolution(
         return read.read(finer.run(nodes, (), np.zeros(0)))
 
     fine = readings(2)
-    error = _typical_change(readings(1), fine, scale)
+    centre = traces.mean(axis=0)
+    error = _typical_change(readings(1), fine, centre, scale)
     if error <= limit:
         return Resolution(error, limit, 1)
-    next_error = _typical_change(fine, readings(4), scale)
+    next_error = _typical_change(fine, readings(4), centre, scale)
     return Resolution(error, limit, 2 if next_error <= limit else None)
 
 
-def _typical_change(coarse: Array, fine: Array, scale: Array) -> float:
+def _typical_change(coarse: Array, fine: Array, centre: Array, scale: Array) -> float:
     """Return the largest rms change of a trace in nine of ten segments, in units of its scale.
 
     The other segments may be about to blow up: their states were badly guessed, or the simulator
-    lacks what holds it there. It is infinite if most segments blow up with the finer steps too.
+    lacks what holds it there. A segment counts until it leaves the range of the recording. The
+    change is infinite if most segments do so with the finer steps before their second sample.
+
+    Args:
+        coarse: readings with a time step, ``(segment, sample, sensor)``.
+        fine: with half of it.
+        centre: mean of each trace, ``(sensor,)``.
+        scale: its size, ``(sensor,)``.
     """
-    bounded = np.isfinite(fine).all(axis=(1, 2))
+    with np.errstate(invalid="ignore"):
+        inside = (np.abs(fine - centre) <= LEFT * scale).all(axis=2)
+    inside = np.logical_and.accumulate(inside, axis=1)
+    bounded = inside[:, 1]
     if bounded.mean() <= 0.5:
         return np.inf
-    change = (fine[bounded] - coarse[bounded]) / scale
-    rms = np.sqrt(np.square(change).mean(axis=1))
+    change = np.where(inside[..., None], (fine - coarse) / scale, 0.0)[bounded]
+    count = inside[bounded].sum(axis=1, keepdims=True)
+    rms = np.sqrt(np.square(change).sum(axis=1) / count)
     typical = float(np.quantile(np.nan_to_num(rms, nan=np.inf), QUANTILE, axis=0).max())
     return typical if np.isfinite(typical) else np.inf

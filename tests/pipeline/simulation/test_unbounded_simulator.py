@@ -112,8 +112,20 @@ def test_segments_that_are_about_to_blow_up_do_not_decide_the_resolution() -> No
     fine = rng.standard_normal((20, 5, 2))
     coarse = fine + 1e-3
     coarse[:1] += 1e3
-    found = _typical_change(coarse, fine, np.ones(2))
+    found = _typical_change(coarse, fine, np.zeros(2), np.ones(2))
     assert found == pytest.approx(1e-3, rel=1e-6)
     coarse[:12] = np.nan
     fine[:12] = np.nan
-    assert _typical_change(coarse, fine, np.ones(2)) == np.inf
+    assert _typical_change(coarse, fine, np.zeros(2), np.ones(2)) == np.inf
+
+
+def test_what_follows_after_a_segment_has_left_the_recording_does_not_count() -> None:
+    rng = np.random.default_rng(0)
+    fine = rng.standard_normal((20, 5, 2))
+    fine[:, 3:] *= 1e4
+    coarse = fine * 1.001
+    found = _typical_change(coarse, fine, np.zeros(2), np.ones(2))
+    assert 1e-4 < found < 5e-3
+    # Readings that are out of range at once say nothing.
+    fine[:12, 1] = 1e4
+    assert _typical_change(coarse, fine, np.zeros(2), np.ones(2)) == np.inf
