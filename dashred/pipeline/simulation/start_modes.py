@@ -25,8 +25,8 @@ SHARES = (OMITTED, OMITTED / 10, OMITTED / 100)
 STARTS = 4
 # Part of the fit in which they are compared: later on, in chaos, every difference grows.
 COMPARED, MIN_SAMPLES = 0.1, 4
-# Largest sum of the squared changes of the readings of the fit, in units of σ. A law would explain a
-# larger one, although it is due to the start.
+# Largest sum of the squared changes of the readings of the fit in units of σ: a law would explain
+# a larger one, although it is due to the start.
 LARGEST = 1.0
 
 
