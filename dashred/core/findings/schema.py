@@ -93,8 +93,9 @@ class Fit(HeldOut):
     `noise_correlation` is the largest correlation of neighbouring samples over all quantities.
     `own_error` is the numerical error of the simulator at the start of the recording, in standard
     deviations of the noise, at most 1e6; null if the law diverges or is not told. If it exceeds 1,
-    `sufficient_dt` is a time step with which it does not, and else null. `failure` tells how
-    many steps of a program that is the simulator failed, and what it said then.
+    `sufficient_dt` is a time step with which it is at most 0.1, if there is one, and else null. If
+    the simulator is a program, `failure` says how many of its steps failed, and what it said when
+    one last did.
     `comparisons` tell whether held-out data support the law.
     `misfit_at_test_sensors` is the RMSE of the corrected simulator at each test sensor, in
     standard deviations of the noise.

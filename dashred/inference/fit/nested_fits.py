@@ -10,7 +10,7 @@ from torch import Tensor
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.stepwise_selection import RefittedSet
 
-# A smaller decrease of F is far below what an interval or a score tells.
+# A smaller decrease of F changes no interval and no comparison of scores visibly.
 LEAST_DECREASE = 1.0
 # The misfit of all candidates is significantly below that of a law if noise alone gives such a
 # difference with a smaller probability.

@@ -26,7 +26,7 @@ from dashred.physics.window import Window
 
 # Number of states at which it is seen whether a program reads a parameter.
 READ_AT = 8
-# A program that takes longer for a state, in s, has no candidates for wrong parameters.
+# If a program takes longer for a state, in s, its parameters are candidates only with a spread.
 EXPENSIVE = 0.02
 
 

@@ -20,8 +20,12 @@ def posterior_probabilities(discovery: Discovery) -> list[tuple[Law, float]]:
         laws.append(discovery.uncorrected)
     lowest = min(law.score for law in laws)
     weights = [math.exp((lowest - law.score) / 2) for law in laws]
-    total = math.fsum(weights) / (1 - NONE_OF_THESE)
-    return [(law, weight / total) for law, weight in zip(laws, weights, strict=True)]
+    total = math.fsum(weights)
+    # In this order the share of a single law is exactly that of :func:`.verdict.with_faults`.
+    return [
+        (law, (1 - NONE_OF_THESE) * (weight / total))
+        for law, weight in zip(laws, weights, strict=True)
+    ]
 
 
 def inclusion(discovery: Discovery, candidate: Candidate) -> float:

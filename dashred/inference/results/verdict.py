@@ -69,9 +69,8 @@ def verdict(
 ) -> tuple[Verdict, list[Cause]]:
     """Return the verdict and its causes, the most probable first.
 
-    A cause contains the kind of a class of laws, its probability, and the
-    equations and changes of its best law. If the search did not converge, the reason is the only
-    cause.
+    A cause contains the kind of a class of laws, its probability, and the equations and changes of
+    its best law. If the search did not converge, the reason is the only cause.
 
     Args:
         discovery: the laws.

@@ -11,6 +11,8 @@ from typing import Any
 
 # After the limit the code is interrupted again and again: it may have caught the first exception.
 AGAIN = 1.0
+# Longest time that is set, in s: a timer takes no more than about 9e9.
+LONGEST = 1e9
 
 
 class OverrunError(BaseException):
@@ -25,6 +27,9 @@ def time_limit(seconds: float) -> Iterator[None]:
     call that waits. Native code that does not return is not interrupted. In other threads, and on
     systems without such timers, there is no limit.
 
+    Args:
+        seconds: of wall-clock time; infinite for no limit.
+
     Raises:
         OverrunError: from the code within.
     """
@@ -38,7 +43,7 @@ def time_limit(seconds: float) -> Iterator[None]:
         raise OverrunError
 
     before, begun = signal.signal(signal.SIGALRM, interrupt), time.monotonic()
-    left, interval = signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN)
+    left, interval = signal.setitimer(signal.ITIMER_REAL, min(seconds, LONGEST), AGAIN)
     try:
         yield
     finally:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -29,8 +30,6 @@ from dashred.physics.external.user_code import last_words, load, place_of
 # The arrays of a call are its own, so a change is without effect; a function that changes them is
 # refused in the first calls, because it may also change what it has returned before.
 CHECKED_CALLS = 32
-# Time limit of a function that was given none, in s.
-LONGEST = 1e6
 Function = Callable[..., Mapping[str, Any]]
 
 
@@ -44,7 +43,7 @@ class FunctionAdapter:
         fields: of the system, in their order.
         name: of the function, for messages.
         place: location of its key in the configuration.
-        limit: longest time for each state of a call, in s.
+        limit: longest time for each state of a call, in s; infinite for no limit.
         contents: ``MODULE.FUNCTION`` of its contents; None for the name.
     """
 
@@ -58,7 +57,7 @@ class FunctionAdapter:
         fields: Sequence[str],
         name: str,
         place: str,
-        limit: float = LONGEST,
+        limit: float = math.inf,
         contents: str | None = None,
     ) -> None:
         self._function, self._limit, self._contents = function, limit, contents or name

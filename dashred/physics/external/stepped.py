@@ -47,7 +47,7 @@ class SteppedProgram:
         self._calls = 0
         self.tangent: Stepper | None = None
         self._last_failure: str | None = None
-        # Steps of single states.
+        # Steps of single states, including those whose results were kept.
         self._steps = self._failed_steps = 0
 
     @property
@@ -106,8 +106,15 @@ class SteppedProgram:
     def _step(self, batch: StateBatch) -> Array:
         if self._conduct is None:
             self._open(batch)
-        if not self._keeps_results:
-            return self._step_all(batch)
+        result = self._step_or_find(batch) if self._keeps_results else self._step_all(batch)
+        # A trajectory that is lost stays so, which is no failure.
+        asked = _finite_rows(batch.states)
+        self._steps += int(asked.sum())
+        self._failed_steps += int((asked & ~_finite_rows(result)).sum())
+        return result
+
+    def _step_or_find(self, batch: StateBatch) -> Array:
+        """Return the states after a step, from earlier results where they are known."""
         known = self._results.find(batch)
         result = np.stack([batch.states[0] if r is None else r for r in known])
         missing = [row for row, r in enumerate(known) if r is None]
@@ -140,14 +147,6 @@ class SteppedProgram:
         return KeptResults(words)
 
     def _step_all(self, batch: StateBatch) -> Array:
-        result = self._step_in_the_way_found(batch)
-        # A trajectory that is lost stays so, which is no failure.
-        asked = _finite_rows(batch.states)
-        self._steps += int(asked.sum())
-        self._failed_steps += int((asked & ~_finite_rows(result)).sum())
-        return result
-
-    def _step_in_the_way_found(self, batch: StateBatch) -> Array:
         result = self._step_groups(batch, self.conduct)
         if self.conduct.many and not self._is_same_alone(batch, result):
             self._conduct = self.conduct.one_by_one()

@@ -20,8 +20,8 @@ from dashred.physics.solvers.simulate import Progress, check_finite, simulate
 from dashred.physics.system import System
 
 MIN_VARIANCE = 1e-12
-# Share of the variance of a spread that an analysis omits at most: every mode is a column of each
-# Jacobian. Omitted is 1 % of the spread.
+# Largest share of the variance of a spread that an analysis omits: every mode is a column of each
+# Jacobian. It is 1 % of the spread.
 OMITTED = 1e-4
 
 

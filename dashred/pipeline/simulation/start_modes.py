@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -24,8 +25,8 @@ SHARES = (OMITTED, OMITTED / 10, OMITTED / 100)
 STARTS = 4
 # Part of the fit in which they are compared: later on, in chaos, every difference grows.
 COMPARED, MIN_SAMPLES = 0.1, 4
-# Sum over the readings of the squared change in units of σ, per fit: what is missing of the start
-# would otherwise be told as a law.
+# Largest sum of the squared changes of the readings of the fit in units of σ: a law would explain
+# a larger one, although it is due to the start.
 LARGEST = 1.0
 
 
@@ -67,9 +68,14 @@ def _is_expensive(problem: Problem) -> bool:
 
 
 def _readings(problem: Problem, starts: Tensor) -> Tensor:
-    """Return readings in units of σ, ``(start, time, sensor)``, as if of the whole fit."""
+    """Return readings in units of σ, ``(start, time, sensor)``.
+
+    They are of the first samples, and are weighted so that their sum of squares is that of all
+    readings of the fit. Missing readings do not count.
+    """
     system, fit = problem.system, problem.split.fit
     count = max(MIN_SAMPLES, math.ceil(COMPARED * len(fit.times)))
     states = simulate(system, starts, problem.times[:count])
     read = ObservationOperator(fit.sensors, system)(states)
-    return read / problem.fit_noise_std() * math.sqrt(len(fit.times) / count)
+    weights = np.sqrt(np.isfinite(fit.values).sum(axis=0) / states.shape[1])
+    return read / problem.fit_noise_std() * torch.from_numpy(weights)

@@ -136,7 +136,10 @@ def resolution_warning(fit: Mapping[str, Any]) -> list[str]:
     """Return what to do if the simulator fails, or errs by more than the noise at the beginning."""
     error, failed = fit["own_error"], []
     if fit.get("failure"):
-        failed = [f"The simulator: {fit['failure']}. A run ends at such a step, and has no error."]
+        failed = [
+            f"The simulator: {fit['failure']}. A run that reaches such a step ends there, and no "
+            "error of it is stated."
+        ]
     if error is None or error <= 1:
         return failed
     size, dt = number(float(f"{error:.2g}")), fit.get("sufficient_dt")

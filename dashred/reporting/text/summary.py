@@ -62,9 +62,9 @@ def _budget(budget: Mapping[str, Any] | None) -> list[str]:
     if budget is None:
         return []
     left_out = ", ".join(budget["not_tried"])
-    cpu = f" ({budget['cpu']:g} s of CPU)" if "cpu" in budget else ""
+    cpu = f" (the run took {budget['cpu']:g} s of CPU)" if "cpu" in budget else ""
     return [
-        f"The budget of {budget['seconds']:g} s{cpu} did not suffice for everything; "
+        f"The budget of {budget['seconds']:g} s did not suffice for everything{cpu}; "
         f"budget=SECONDS gives more. Not tried or ended early: {left_out}."
     ]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import threading
 import time
@@ -62,9 +63,18 @@ def test_a_function_that_hangs_later_ends_as_well() -> None:
 
 def test_the_timer_of_the_caller_goes_on() -> None:
     before = signal.getsignal(signal.SIGALRM)
-    with pytest.raises(OverrunError), time_limit(0.05), time_limit(5.0):
-        time.sleep(1.0)
+    with pytest.raises(OverrunError), time_limit(0.05):
+        with time_limit(5.0):
+            time.sleep(0.1)
+        time.sleep(5.0)
     assert signal.getsignal(signal.SIGALRM) is before
+    assert signal.getitimer(signal.ITIMER_REAL)[0] == 0
+
+
+def test_a_limit_that_no_timer_takes_is_none() -> None:
+    for seconds in (1e12, math.inf):
+        with time_limit(seconds):
+            assert signal.getitimer(signal.ITIMER_REAL)[0] > 1e6
     assert signal.getitimer(signal.ITIMER_REAL)[0] == 0
 
 

@@ -74,6 +74,17 @@ def test_what_is_asked_differently_is_called(over: dict[str, Any]) -> None:
     assert again.calls == 1
 
 
+def test_failures_are_counted_among_kept_results_too() -> None:
+    said = []
+    for _ in range(2):
+        program = SteppedProgram(Slow(), Grid(()))
+        given: dict[str, Any] = {"t": np.zeros(2), "dt": np.full(2, 0.1), "inputs": {}}
+        given["parameters"] = {"k": 2.0}
+        program.step(np.array([[1.0], [99.0]]), **given)
+        said.append(program.failure)
+    assert said[0] == said[1] and str(said[0]).startswith("1 of 2 steps failed")
+
+
 def test_another_program_finds_nothing() -> None:
     stepped(Slow(), [1.0])
     other = Slow("b")

@@ -120,3 +120,19 @@ def test_exponential_steps_of_diffusion_have_no_limit(tmp_path: Path, ends: Any)
 
 def test_a_short_record_has_no_growth(tmp_path: Path) -> None:
     assert verdict(tmp_path, chain(), 1.0, steps=4)
+
+
+def test_a_state_at_the_edge_of_the_equations_says_nothing(tmp_path: Path) -> None:
+    """The root of a level below zero is undefined, so an empty tank cannot be perturbed."""
+    tanks = {
+        "fields": {"h": "upper tank", "low": "lower tank"},
+        "equations": {"h": "0.5 - sqrt(h)", "low": "sqrt(h) - sqrt(low)"},
+        "start": {"h": 0.0, "low": 0.0},
+        "spread": {"h": 0.1},
+        "integrator": {"method": "rk4", "dt": 1.0},
+    }
+    assert verdict(tmp_path, tanks, 0.01)
+    full = tanks | {"start": {"h": 0.25, "low": 0.25}}
+    assert verdict(tmp_path, full, 0.01)
+    # There the Jacobian has twice the eigenvalue -1/(2 sqrt(0.25)) = -1.
+    assert not verdict(tmp_path, full, 1.1 * RK4)

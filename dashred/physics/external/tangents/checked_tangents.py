@@ -41,36 +41,63 @@ class CheckedTangents:
             InputError: the tangents are not those of the program.
         """
         found = self._tangent.step(states, t, dt, inputs, parameters)
-        fields = states.shape[1] // 2
-        rows = np.flatnonzero(np.isfinite(found).reshape(len(found), -1).all(axis=1))
-        moved = np.abs(states[rows, fields:]).reshape(len(rows), -1).max(axis=1)
-        if not self._is_checked and (moved > 0).any():
+        if self._is_checked:
+            return found
+        sizes = _sizes(states)
+        own, moved = np.split(sizes, 2, axis=1)
+        finite = np.isfinite(sizes).all(axis=1) & np.isfinite(_sizes(found)).all(axis=1)
+        largest = own[finite].max(axis=0, initial=0.0)
+        # A direction along a field of zeros has no known size: a later call has one.
+        suitable = finite & (moved > 0).any(axis=1) & ~((moved > 0) & (largest == 0)).any(axis=1)
+        rows = np.flatnonzero(suitable)[:1]
+        if rows.size:
             self._is_checked = True
-            row = rows[[int(np.argmax(moved > 0))]]
-            each = {name: values[row] for name, values in inputs.items()}
-            self._check(states[row], found[row], t[row], dt[row], each, parameters)
+            moving = moved[rows[0]] > 0
+            reach = float((largest[moving] / moved[rows[0], moving]).min())
+            each = {name: values[rows] for name, values in inputs.items()}
+            self._check(states[rows], found[rows], reach, t[rows], dt[rows], each, parameters)
         return found
 
     def _check(
         self,
         state: Array,
         found: Array,
+        reach: float,
         t: Array,
         dt: Array,
         inputs: Mapping[str, Array],
         parameters: Mapping[str, float],
     ) -> None:
+        """Compare a state and its tangent with a central difference.
+
+        Args:
+            state: with a tangent, ``(1, 2 field, *grid)``.
+            found: what the tangent's program has returned for it.
+            reach: how far along the tangent a field first changes by its own size.
+            t: see :meth:`step`, as the others.
+            dt: length of the step.
+            inputs: in its middle.
+            parameters: of the program.
+
+        Raises:
+            InputError: they differ.
+        """
         own, direction = np.split(state, 2, axis=1)
-        size = self._program.rounding ** (1 / 3) * max(float(np.abs(own).max()), 1e-100)
-        step = size / float(np.abs(direction).max())
+        step = self._program.rounding ** (1 / 3) * reach
         ends = [
             self._program.step(own + sign * step * direction, t, dt, inputs, parameters)
             for sign in (-1, 0, 1)
         ]
-        differences = np.concatenate([ends[1], (ends[2] - ends[0]) / (2 * step)], axis=1)
-        for what, part in (("state", 0), ("tangent", 1)):
-            given, expected = (np.split(each, 2, axis=1)[part] for each in (found, differences))
-            error, scale = np.abs(given - expected).max(), np.abs(expected).max()
+        after, moved = np.split(found, 2, axis=1)
+        # The rounding errors of the program are large in a difference if a field is small.
+        rounding = self._program.rounding * np.abs(ends[1]) / step
+        compared = (
+            ("state", after, ends[1], 0.0),
+            ("tangent", moved, (ends[2] - ends[0]) / (2 * step), rounding),
+        )
+        for what, given, expected, uncertain in compared:
+            error = (np.abs(given - expected) - uncertain).max()
+            scale = np.abs(expected).max()
             if np.isfinite(expected).all() and error > MOST_ERROR * max(scale, 1e-100):
                 raise InputError(
                     f"the {what} that {self._name} returns differs from that of the program by "
@@ -78,3 +105,8 @@ class CheckedTangents:
                     where=self._place,
                     hint="correct it or remove it: without one, differences are used",
                 )
+
+
+def _sizes(states: Array) -> Array:
+    """Return the largest value of each field, ``(batch, field)``."""
+    return np.asarray(np.abs(states).max(axis=tuple(range(2, states.ndim))))

@@ -34,15 +34,15 @@ GIVEN: dict[str, Any] = {"inputs": {}, "parameters": {"g": 4.0}}
 class Swing:
     """The function, which counts its calls."""
 
-    def __init__(self, jvp: Any = None) -> None:
-        self.calls = 0
+    def __init__(self, jvp: Any = None, step: Any = swing) -> None:
+        self.calls, self.step = 0, step
         if jvp is not None:
             self.jvp = jvp
 
     def __call__(self, *given: Any) -> dict[str, Any]:
         """Return a step."""
         self.calls += 1
-        return swing(*given)
+        return self.step(*given)
 
 
 def opened(function: Swing) -> SteppedProgram:
@@ -100,6 +100,36 @@ def test_a_wrong_jvp_is_refused() -> None:
     step = ProgramStep(opened(Swing(wrong)), GIVEN["parameters"])
     with pytest.raises(InputError, match="returns differs from that of the program"):
         step.linearise(0, np.ones((1, 2)), np.zeros(1), np.full(1, 0.1), {})
+
+
+def saturated(state: Any, t: Any, dt: Any, inputs: Any, parameters: Any) -> Any:
+    """Step a concentration of about 1e-3, which decays faster at a high pressure in Pa."""
+    p, c = state["theta"], state["omega"]
+    return {"theta": p, "omega": c / (1 + 1e-5 * p * dt + 1e3 * c * dt)}
+
+
+def saturated_jvp(state: Any, t: Any, dt: Any, inputs: Any, parameters: Any, moved: Any) -> Any:
+    after = saturated(state, t, dt, inputs, parameters)
+    p, c = state["theta"], state["omega"]
+    below = 1 + 1e-5 * p * dt + 1e3 * c * dt
+    change = (1 + 1e-5 * p * dt) * moved["omega"] - 1e-5 * dt * c * moved["theta"]
+    return after, {"theta": moved["theta"], "omega": change / below**2}
+
+
+def test_a_small_field_is_compared_in_its_own_size() -> None:
+    tangent = opened(Swing(saturated_jvp, saturated)).tangent
+    assert tangent is not None
+    state = np.array([[1e5, 1e-3, 0.0, 1.0]])
+    found = tangent.step(state, np.zeros(1), np.full(1, 0.1), **GIVEN)
+    assert found[0, 3] == pytest.approx(1.1 / 1.2**2)
+
+
+def test_states_that_are_lost_have_lost_tangents() -> None:
+    tangent, clock = opened(Swing(swing_jvp)).tangent, (np.zeros(1), np.full(1, 0.1))
+    assert tangent is not None
+    tangent.step(np.array([[1.0, 1.0, 0.0, 0.0]]), *clock, **GIVEN)
+    found = tangent.step(np.full((1, 4), np.nan), *clock, **GIVEN)
+    assert np.isnan(found).all()
 
 
 def test_a_jvp_that_returns_no_tangent_is_refused() -> None:
