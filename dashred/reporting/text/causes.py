@@ -1,7 +1,6 @@
-import math
-
 """A cause of the verdict, as text."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -48,12 +47,13 @@ def cause_text(cause: Cause, units: Mapping[str, str] = NO_UNITS) -> str | None:
         case "mismatch" | "no-mismatch-seen":
             return _mismatch(cause)
         case "outside-library" if "gain" in cause:
-            nearest = "no law of the library expresses what is missing, and the given terms are the nearest"
             gain = cause["gain"]
             # Without a run that stays finite there is no number.
-            if not math.isfinite(gain):
-                return nearest
-            return f"what the best law leaves unexplained gains {gain:.3g} in evidence; {nearest}"
+            size = f"gains {gain:.3g} in evidence" if math.isfinite(gain) else "is large"
+            return (
+                f"what the best law leaves unexplained {size}; no law of the library expresses "
+                "what is missing, and the given terms are the nearest"
+            )
         case "outside-library" if "residual" in cause:
             return (
                 f"the best law leaves residuals of {cause['residual']:.2g} standard deviations of "
