@@ -226,7 +226,7 @@ def is_record_explained(problem: Problem, comparison: Comparison) -> bool:
         best.window is not None
         or best.source is not None
         or bool(best.faults)
-        or best.start_prior_factor > 1
+        or best.has_other_start
     )
     if comparison.is_cut_short:
         return has_other_cause and best.chi2 < MAX_EXPLAINED_CHI2

@@ -7,6 +7,7 @@ Every hypothesis is fitted with its own initial state. All are ranked by the sam
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from dashred.core.budget import Budget
 from dashred.core.progress import Report
@@ -26,6 +27,7 @@ from dashred.inference.hypotheses.comparison.global_hypotheses import (
     fit_fault_hypotheses,
     fit_other_starts,
     is_of_other_shape,
+    under_same_prior,
     without_penalty,
 )
 from dashred.inference.hypotheses.comparison.local_and_extended import (
@@ -137,7 +139,8 @@ def _compare_all(
         # Causes are then compared under its prior, which is no cause.
         start = without_penalty(starts[0])
         wide = full_problem.with_start(start.objective.forward_model.start)
-        return compare_hypotheses(wide, start, start, [], additions, budget, report)
+        again = compare_hypotheses(wide, start, start, [], additions, budget, report)
+        return replace(again, laws=[under_same_prior(law, start.law) for law in again.laws])
     fits += starts
     base_fits = residual.base_fits()
     if residual.faulty:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from dashred.core.budget import Budget
+from dashred.inference.fit.law import Law
 from dashred.inference.hypotheses.comparison.faults_beside_laws import (
     search_faults_beside_best,
 )
@@ -69,6 +70,13 @@ def is_of_other_shape(start: HypothesisFit, others: Sequence[HypothesisFit]) -> 
     """
     margin = min(map(by_score, others)) - start.law.score
     return not start.law.parts and margin > AMBIGUITY_MARGIN
+
+
+def under_same_prior(law: Law, other: Law) -> Law:
+    """Return a law that was fitted under the prior of the start of another."""
+    return replace(
+        law, start_prior_factor=other.start_prior_factor, start_chance=other.start_chance
+    )
 
 
 def without_penalty(fit: HypothesisFit) -> HypothesisFit:

@@ -90,5 +90,7 @@ def test_with_a_start_of_another_shape_nothing_is_missing(
     additions = Additions(len(waves.everything), waves.size, lambda: waves.simulator, list)
     found = compare_hypotheses(everything, null, null, [], additions, Budget(), lambda *_: None)
     best = found.laws[0]
-    assert not best.parts and best.start_prior_factor > 1
+    assert not best.parts
+    assert min(law.start_prior_factor for law in found.laws) > 1
+    assert not any(law.has_other_start for law in found.laws)
     assert found.forcing_gain < MIN_FORCING_GAIN
