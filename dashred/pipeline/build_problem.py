@@ -44,6 +44,8 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     """
     budget = begin_budget(config)
     system = System(config.system, config.where)
+    if system.program is not None:
+        system.program.forget_failures()
     library = build_library(system, config.library)
     read = read_recorded(config, system) if recorded is None else recorded
     sha256 = read.sha256()

@@ -54,6 +54,10 @@ class PartialProgram:
         """See :class:`.protocol.Program`."""
         return self.program.failure
 
+    def forget_failures(self) -> None:
+        """See :meth:`dashred.physics.external.protocol.Program.forget_failures`."""
+        self.program.forget_failures()
+
     def step(
         self,
         states: Array,

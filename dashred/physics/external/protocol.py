@@ -62,6 +62,9 @@ class Program(Stepper, Protocol):
         It is an exception with its place, lines of stderr, or that its values are not finite.
         """
 
+    def forget_failures(self) -> None:
+        """Begin to count the failures of another analysis in the same process."""
+
     def step(
         self,
         states: Array,

@@ -46,9 +46,7 @@ class SteppedProgram:
         self._conduct: Conduct | None = None
         self._calls = 0
         self.tangent: Stepper | None = None
-        self._last_failure: str | None = None
-        # Steps of single states, including those whose results were kept.
-        self._steps = self._failed_steps = 0
+        self.forget_failures()
 
     @property
     def failure(self) -> str | None:
@@ -57,6 +55,12 @@ class SteppedProgram:
             return None
         count = f"{self._failed_steps} of {self._steps} steps failed"
         return f"{count}, the last one: {self._last_failure}"
+
+    def forget_failures(self) -> None:
+        """See :meth:`dashred.physics.external.protocol.Program.forget_failures`."""
+        self._last_failure: str | None = None
+        # Steps of single states, including those whose results were kept.
+        self._steps = self._failed_steps = 0
 
     @property
     def conduct(self) -> Conduct:

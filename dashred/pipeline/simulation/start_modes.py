@@ -49,7 +49,7 @@ def start_prior(problem: Problem, centre: Tensor, states: Tensor) -> StartPrior:
     is_stated = "modes" in system.config.spread
     if not system.axes or is_stated or not first.size or _is_expensive(problem):
         return first
-    whole = StartPrior(system, centre, rms, None)
+    whole = StartPrior(system, centre, rms, fitted_modes(system, SHARES[-1] / 10))
     z = torch.from_numpy(problem.rng("modes of the start").standard_normal((STARTS, whole.size)))
     runs = _readings(problem, whole.start(z))
     for share in SHARES:

@@ -276,6 +276,8 @@ def test_a_state_that_fails_later_is_nan_and_the_others_stay() -> None:
     # A trajectory that is lost stays so: that is no further failure.
     stepped(calm, np.full((1, 1, 2), np.nan))
     assert calm.failure == says
+    calm.forget_failures()
+    assert calm.failure is None
 
 
 @pytest.mark.parametrize("times", [1, 3])
