@@ -32,6 +32,10 @@ class Counted:
         """See :class:`Program`."""
         return count * self.seconds
 
+    def forget_failures(self) -> None:
+        """See :class:`Program`."""
+        self.failure = None
+
     def step(
         self,
         states: Array,
