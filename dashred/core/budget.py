@@ -32,6 +32,10 @@ class Deadline:
         """Whether the time is up."""
         return time.monotonic() > self.at
 
+    def within(self, seconds: float) -> Deadline:
+        """Return the deadline, or the time after so many seconds from now if that is earlier."""
+        return Deadline(min(self.at, time.monotonic() + seconds))
+
     def check(self) -> None:
         """Raise an error if the time is up.
 

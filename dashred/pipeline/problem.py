@@ -29,7 +29,7 @@ from dashred.physics.let_terms import build_let_terms
 from dashred.physics.library import build_library
 from dashred.physics.parameter_sensitivity import parameters_read
 from dashred.physics.system import System, Term
-from dashred.pipeline.time_shares import ends_of
+from dashred.pipeline.time_shares import LONGEST, ends_of
 
 # Lower bound of the noise σ, as a share of the std of a trace, before the residuals give an
 # estimate. With less noise than this the search would stop at laws that fit the recording only
@@ -94,10 +94,11 @@ class Problem:
     def deadline(self, stage: str) -> Deadline:
         """Return the time at which a stage ends (:mod:`.time_shares`).
 
-        A stage that is not part of an analysis may take the whole time.
+        A stage begins when it asks. One that is not part of an analysis may take the whole time.
         """
-        ends = ends_of(self.system, self.times, self.budget)
-        return self.budget.deadline(ends.get(stage, 1.0))
+        ends, longest = ends_of(self.system, self.times, self.budget), LONGEST.get(stage, 1.0)
+        end = self.budget.deadline(ends.get(stage, 1.0))
+        return end.within(longest * self.budget.seconds)
 
     def without_budget(self) -> Problem:
         """Return the problem with as much time as its analysis takes."""

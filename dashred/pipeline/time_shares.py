@@ -39,6 +39,9 @@ ENDS_OF_SEGMENTS = ENDS | {
     "train SHRED": 0.79,
     "assimilate": 0.8,
 }
+# Share of the whole time that a stage may take, though others have left more: what it looks for is
+# rare, and is looked for again beside the law.
+LONGEST = {"look for a local cause": 0.12}
 # Simulations of the record that a fit of one trajectory takes, its derivatives included, and the
 # share of the budget that they may take.
 SIMULATIONS, SHARE = 200, 0.5

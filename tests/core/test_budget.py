@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 
 import pytest
@@ -17,6 +18,13 @@ def test_a_deadline_is_over_when_its_time_has_come() -> None:
     future.check()
     with pytest.raises(OutOfTimeError):
         past.check()
+
+
+def test_a_stage_may_have_less_time_than_its_end_leaves() -> None:
+    end = Budget.begin(100.0).deadline(0.5)
+    assert end.within(60.0) == end
+    assert end.within(10.0).at == pytest.approx(time.monotonic() + 10.0, abs=1)
+    assert NEVER.within(math.inf) == NEVER
 
 
 def test_shares_are_measured_from_the_beginning_of_the_run() -> None:
