@@ -61,7 +61,8 @@ def write_corrected_fmu(
     corrected = build_corrected_system(system, law)
     fields = stepped_fields(corrected.config)
     added = {name: corrected.without_lets(corrected.equations[name]) for name in fields}
-    if all(expr == ZERO for expr in added.values()):
+    is_same = corrected.config.parameters == system.config.parameters
+    if is_same and all(expr == ZERO for expr in added.values()):
         return ""
     description = describe_fmu(system.config, system.where("system.simulator.fmu"))
     correction = Correction(added, corrected.config.parameters, corrected.dt)

@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 
 from dashred.config import load_config
 from dashred.inference.fit.law import Law
+from dashred.inference.forward.candidates import Candidate
 from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.physics.backends.input_signals import InputSignals
 from dashred.physics.external.fmu.corrected.archive import write_fmu
@@ -94,6 +95,22 @@ def test_it_is_run_before_it_is_told_of(
     said = written(tmp_path, system, law)
     assert said.startswith("There is no corrected.fmu: in a test run it did not do what")
     assert not path.exists()
+
+
+@pytest.mark.parametrize("kinds", ["ModelExchange", "CoSimulation"])
+def test_another_value_of_a_parameter_needs_no_terms(tmp_path: Path, kinds: str) -> None:
+    fmpy = pytest.importorskip("fmpy")
+    _, system = declared(tmp_path, kinds=kinds)
+    stiffer = laws.law([Candidate("k", None, (), 1.0, in_program=True)], [0.5])
+    assert "is an FMU of the corrected simulator" in written(tmp_path, system, stiffer)
+    options = {"stop_time": 2.4, "step_size": 0.05, "output": ["x"], "solver": "CVode"}
+    options["relative_tolerance"] = 1e-8
+    found = fmpy.simulate_fmu(str(tmp_path / corrected_fmu.NAME), **options)
+    original = str(tmp_path / "oscillator.fmu")
+    expected = fmpy.simulate_fmu(original, start_values={"k": 4.5}, **options)
+    np.testing.assert_allclose(found["x"][-1], expected["x"][-1], atol=1e-3)
+    plain = fmpy.simulate_fmu(original, **options)
+    assert abs(plain["x"][-1] - expected["x"][-1]) > 0.02
 
 
 def test_why_there_is_none_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
