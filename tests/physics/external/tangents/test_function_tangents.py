@@ -46,7 +46,7 @@ class Swing:
 
 
 def opened(function: Swing) -> SteppedProgram:
-    adapter = FunctionAdapter(function, ("theta", "omega"), "mypkg.step", "mine.yaml:7")
+    adapter = FunctionAdapter(function, ("theta", "omega"), "swings.step", "mine.yaml:7")
     program = SteppedProgram(adapter, Grid(()), keep=False)
     if (offered := adapter.with_tangents()) is not None:
         tangent = SteppedProgram(offered, Grid(()), keep=False)
@@ -55,8 +55,8 @@ def opened(function: Swing) -> SteppedProgram:
 
 
 def test_a_jvp_is_an_attribute_or_beside_the_function(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert find_jvp(Swing(swing_jvp), "mypkg.step") is swing_jvp
-    assert find_jvp(Swing(), "mypkg.step") is None
+    assert find_jvp(Swing(swing_jvp), "swings.step") is swing_jvp
+    assert find_jvp(Swing(), "swings.step") is None
     monkeypatch.setattr("tests.programs.jvp", swing_jvp, raising=False)
     assert find_jvp(Swing(), "tests.programs.swing") is swing_jvp
     monkeypatch.setattr("tests.programs.jvp", torch.func.jvp)
