@@ -11,7 +11,7 @@ without an output, the halves of L are one step. Without added terms the program
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import cache, partial
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +24,7 @@ from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.program_parameters import parameter_slopes
 from dashred.physics.runge_kutta import CLASSICAL, advance
 from dashred.physics.solvers.compiled.runge_kutta import CompiledRungeKutta
+from dashred.physics.solvers.etdrk4 import CACHE_SIZE
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.rhs import GridTendency, SpectralTendency
 from dashred.physics.solvers.schedule import Step
@@ -82,7 +83,7 @@ def _spectral_step(
     tendency = SpectralTendency(system, forcing, torch.device("cpu"), sampled_forcing)
     grid = system.grid
 
-    @cache
+    @lru_cache(CACHE_SIZE)
     def factors(h: float) -> tuple[Tensor, Tensor]:
         z = h * tendency.linear.to(torch.complex128)
         small = z.abs() < SMALL
