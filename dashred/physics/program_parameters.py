@@ -33,6 +33,13 @@ def added_terms(terms: Sequence[Term]) -> tuple[Term, ...]:
     return tuple(term for term in terms if changed_parameter(term) is None)
 
 
+def changed_parameters(
+    parameters: Mapping[str, float], changes: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the values of parameters after changes of some of them."""
+    return {**parameters, **{name: parameters[name] + c for name, c in changes.items()}}
+
+
 def parameter_slopes(
     step: Callable[[Mapping[str, float]], Array],
     parameters: Mapping[str, float],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -138,11 +139,9 @@ def _training_ensemble(
                 problem.budget.leave_out("training SHRED on the simulator without the law")
             law = law_from_segments(segments, segments.best)
             states = states_by_sample(segments, segments.best)
-            try:
+            with suppress(OutOfTimeError):
                 if not follows_segments(problem):
                     return simulate_corrected_ensemble(problem, law, states, seconds)
-            except OutOfTimeError:
-                pass
             problem.budget.leave_out("training SHRED on any simulation")
             return ensemble_of_states(problem, states)
         if nominal.restarted and isinstance(error, InputError):

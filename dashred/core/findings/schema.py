@@ -87,6 +87,10 @@ class Comparison(TypedDict):
     worse: bool
 
 
+LARGEST_OWN_ERROR = 1e6
+"""From this numerical error on, one of the two simulations that are compared is not finite."""
+
+
 class Fit(HeldOut):
     """Quality of the fit to the recording; `noise_std` is by sensor, in the sensor's unit.
 

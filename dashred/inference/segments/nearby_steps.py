@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.inference.segments.program_step import ProgramStep, reach_of
+from dashred.inference.segments.program_step import ProgramStep, clock_of, reach_of
 from dashred.inference.segments.segments import Array
 from dashred.physics.external.protocol import Program
 
@@ -78,7 +78,7 @@ class NearbySteps:
         """See :meth:`ProgramStep.advance`."""
         ends, _, far = self._nearby(self._keys(t, h, inputs), x)
         if far.size:
-            ends[far] = self.exact.advance(x[far], *_rows(far, t, h, inputs))
+            ends[far] = self.exact.advance(x[far], *clock_of(far, t, h, inputs))
         return ends
 
     def linearise(
@@ -90,7 +90,7 @@ class NearbySteps:
         if far.size:
             reach = reach_of(x)
             every = np.arange(far.size)
-            new = self.exact.differentiate(x[far], reach, every, *_rows(far, t, h, inputs))
+            new = self.exact.differentiate(x[far], reach, every, *clock_of(far, t, h, inputs))
             ends[far], jacobians[far] = new
             self._keep([keys[row] for row in far], x[far], *new)
         return ends, jacobians
@@ -126,12 +126,6 @@ class NearbySteps:
             if np.isfinite(new.ends).all() and np.isfinite(new.jacobians).all():
                 known = self._known.get(key)
                 self._known[key] = new if known is None else known.joined(new)
-
-
-def _rows(
-    rows: NDArray[np.intp], t: Array, h: Array, inputs: Mapping[str, Array]
-) -> tuple[Array, Array, dict[str, Array]]:
-    return t[rows], h[rows], {name: values[rows] for name, values in inputs.items()}
 
 
 def step_of(program: Program, parameters: Mapping[str, float]) -> ProgramStep | NearbySteps:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dashred.inference.segments.segments import Array
 from dashred.physics.external.protocol import Program, Stepper
-from dashred.physics.program_parameters import parameter_slopes
+from dashred.physics.program_parameters import changed_parameters, parameter_slopes
 
 # Smallest change in a difference, as a share of the largest value of any field.
 SMALLEST = 1e-12
@@ -36,7 +36,7 @@ class ProgramStep:
         """Return the same with changed parameters."""
         if not any(changes.values()):
             return self
-        return ProgramStep(self.program, changed(self.parameters, changes))
+        return ProgramStep(self.program, changed_parameters(self.parameters, changes))
 
     def slopes(
         self, names: Sequence[str], x: Array, t: Array, h: Array, inputs: Mapping[str, Array]
@@ -139,24 +139,22 @@ class ProgramStep:
         after, jacobians = np.empty_like(x), np.empty((len(rows), fields, fields))
         rest = np.setdiff1d(np.arange(count), rows)
         if rest.size:
-            after[rest] = self.advance(x[rest], t[rest], h[rest], _at(inputs, rest))
+            after[rest] = self.advance(x[rest], *clock_of(rest, t, h, inputs))
         if rows.size:
             each = np.repeat(rows, fields)
             states = np.concatenate([x[each], np.tile(np.eye(fields), (len(rows), 1))], axis=1)
-            ends = tangent.step(states, t[each], h[each], _at(inputs, each), self.parameters)
+            ends = tangent.step(states, *clock_of(each, t, h, inputs), self.parameters)
             after[rows] = ends[::fields, :fields]
             moved = ends[:, fields:].reshape(len(rows), fields, fields)
             jacobians[:] = np.moveaxis(moved, 1, 2)
         return after, jacobians
 
 
-def _at(inputs: Mapping[str, Array], rows: NDArray[np.intp]) -> dict[str, Array]:
-    return {name: values[rows] for name, values in inputs.items()}
-
-
-def changed(parameters: Mapping[str, float], changes: Mapping[str, float]) -> dict[str, float]:
-    """Return parameters with changes."""
-    return {name: value + changes.get(name, 0.0) for name, value in parameters.items()}
+def clock_of(
+    rows: NDArray[np.intp], t: Array, h: Array, inputs: Mapping[str, Array]
+) -> tuple[Array, Array, dict[str, Array]]:
+    """Return time, step and inputs of some segments."""
+    return t[rows], h[rows], {name: values[rows] for name, values in inputs.items()}
 
 
 def reach_of(x: Array) -> Array:

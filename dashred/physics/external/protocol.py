@@ -26,7 +26,18 @@ class Stepper(Protocol):
         inputs: Mapping[str, Array],
         parameters: Mapping[str, float],
     ) -> Array:
-        """See :meth:`Program.step`."""
+        """Return the states after a step, ``(batch, field, *grid)``; NaN where it fails.
+
+        Args:
+            states: ``(batch, field, *grid)``, in the order of the system's fields; not changed.
+            t: time of each state, ``(batch,)``.
+            dt: length of the step from each, ``(batch,)``.
+            inputs: values in the middle of the step by name, ``(batch,)`` each.
+            parameters: values by name.
+
+        Raises:
+            InputError: in the first call, if the program does not keep to the protocol.
+        """
 
 
 class Program(Stepper, Protocol):
@@ -64,24 +75,3 @@ class Program(Stepper, Protocol):
 
     def forget_failures(self) -> None:
         """Begin to count the failures of another analysis in the same process."""
-
-    def step(
-        self,
-        states: Array,
-        t: Array,
-        dt: Array,
-        inputs: Mapping[str, Array],
-        parameters: Mapping[str, float],
-    ) -> Array:
-        """Return the states after a step, ``(batch, field, *grid)``; NaN where it fails.
-
-        Args:
-            states: ``(batch, field, *grid)``, in the order of the system's fields; not changed.
-            t: time of each state, ``(batch,)``.
-            dt: length of the step from each, ``(batch,)``.
-            inputs: values in the middle of the step by name, ``(batch,)`` each.
-            parameters: values by name.
-
-        Raises:
-            InputError: in the first call, if the program does not keep to the protocol.
-        """

@@ -12,6 +12,7 @@ from torch import Tensor
 from dashred.physics.external.protocol import Array
 from dashred.physics.library import evaluate_terms
 from dashred.physics.program_parameters import parameter_slopes
+from dashred.physics.solvers.splitting import ProgramFlow
 from dashred.physics.system import System, Term
 
 # A difference in time over this share of the time step is the rate of a program.
@@ -83,6 +84,5 @@ def _program_step(
     assert system.program is not None
     times = np.broadcast_to(np.asarray(t, dtype=np.float64), len(states)).copy()
     steps = np.full(len(states), h)
-    signals = system.input_signals.at(times + steps / 2)
-    inputs = {name: np.broadcast_to(value, times.shape).copy() for name, value in signals.items()}
+    inputs = ProgramFlow(system).inputs(times, steps)
     return system.program.step(states.double().numpy(), times, steps, inputs, parameters)

@@ -21,7 +21,7 @@ from torch import Tensor
 from dashred.physics.expressions.algebra import ZERO
 from dashred.physics.external.protocol import Array, Program
 from dashred.physics.forcing_basis import SampledForcing
-from dashred.physics.program_parameters import parameter_slopes
+from dashred.physics.program_parameters import changed_parameters, parameter_slopes
 from dashred.physics.runge_kutta import CLASSICAL, advance
 from dashred.physics.solvers.compiled.runge_kutta import CompiledRungeKutta
 from dashred.physics.solvers.etdrk4 import CACHE_SIZE
@@ -177,8 +177,9 @@ class ProgramFlow:
 
     def _changed(self, row: Array) -> dict[str, float]:
         """Return the parameters with the changes ``(name,)``."""
-        changes = zip(self.changes, row.tolist(), strict=True)
-        return {**self.parameters, **{n: self.parameters[n] + c for n, c in changes}}
+        return changed_parameters(
+            self.parameters, dict(zip(self.changes, row.tolist(), strict=True))
+        )
 
     def inputs(self, t: Array, h: Array) -> dict[str, Array]:
         """Return the inputs in the middle of each step, ``(batch,)`` each."""

@@ -13,6 +13,7 @@ import math
 import torch
 from torch import Tensor
 
+from dashred.core.findings.schema import LARGEST_OWN_ERROR
 from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import build_corrected_system
@@ -22,8 +23,6 @@ from dashred.pipeline.problem import Problem
 
 # How much of the fit is looked at: later on, in chaos, every difference grows.
 CHECKED_SHARE, MIN_SAMPLES = 0.1, 4
-# More than that is no longer a number to compare.
-MAX_ERROR = 1e6
 # The step is halved so many times at most in search of one that suffices.
 MAX_HALVINGS = 4
 # A smaller error is not visible in the readings. It is systematic: a tenth of σ at some hundreds of
@@ -81,5 +80,5 @@ def _errors(problem: Problem, law: Law, noise: Tensor, dt: float) -> list[float]
         coarse = ObservationOperator(sensors, own)(states)
         fine = ObservationOperator(sensors, finer)(fine_states)
         largest = ((coarse - fine)[0] / noise).square().mean(dim=-1).sqrt().max()
-        errors.append(float(largest.nan_to_num(nan=MAX_ERROR).clamp(max=MAX_ERROR)))
+        errors.append(float(largest.nan_to_num(nan=LARGEST_OWN_ERROR).clamp(max=LARGEST_OWN_ERROR)))
     return errors

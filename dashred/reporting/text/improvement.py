@@ -4,13 +4,12 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from dashred.core.findings.schema import LARGEST_OWN_ERROR
 from dashred.core.formatting import number, rounded
 from dashred.core.units import NO_UNITS, TIME, with_unit
 
 # A run whose error, in standard deviations of the readings, is larger than this has diverged.
 HUGE = 1e4
-# From this numerical error on, one of the two simulations that are compared does not stay finite.
-LOST = 1e6
 # Verdicts for a simulator that is given as snapshots: no law was fitted through it.
 UNTESTED = ("mismatch", "no-mismatch-seen")
 # Verdicts whose correction is a start or a sensor.
@@ -146,7 +145,7 @@ def resolution_warning(fit: Mapping[str, Any]) -> list[str]:
     remedy = "halve the time step or double the points"
     if dt is not None:
         remedy = f"set system.integrator.dt to {number(float(f'{dt:.6g}'))}"
-    if error >= LOST:
+    if error >= LARGEST_OWN_ERROR:
         return [
             *failed,
             "At the start of the recording, either the corrected simulation or the same at half "

@@ -39,6 +39,18 @@ def simulator(
     return SegmentSimulator([System(config.system, config.where)], segments, 8)
 
 
+def both(folder: Path) -> tuple[SegmentSimulator, SegmentSimulator]:
+    """Return a pendulum by its equations, and as a program."""
+    known = simulator(folder, "equations: {theta: omega, omega: -g*sin(theta)}")
+    program = simulator(
+        folder,
+        "simulator: {function: tests.programs.pendulum}",
+        "trust=tests.programs.pendulum",
+        "recording.path=recorded.csv",
+    )
+    return known, program
+
+
 def candidates(system: System, *listed: tuple[str, str]) -> list[Candidate]:
     terms = [Term(e, system.parse(t, "test", equation=e)) for e, t in listed]
     ready = resolve(system, terms)
@@ -46,13 +58,7 @@ def candidates(system: System, *listed: tuple[str, str]) -> list[Candidate]:
 
 
 def test_states_columns_and_rates_are_those_of_the_equations(tmp_path: Path) -> None:
-    known = simulator(tmp_path, "equations: {theta: omega, omega: -g*sin(theta)}")
-    program = simulator(
-        tmp_path,
-        "simulator: {function: tests.programs.pendulum}",
-        "trust=tests.programs.pendulum",
-        "recording.path=recorded.csv",
-    )
+    known, program = both(tmp_path)
     nodes = torch.randn((5, 2), generator=torch.Generator().manual_seed(1)).double().numpy()
     law = candidates(known.systems[0], ("omega", "omega"), ("theta", "1"), ("omega", "theta**3"))
     xi, force = np.array([-0.3, 0.0, 0.1]), np.full((5, 2), 0.05)
@@ -66,13 +72,7 @@ def test_states_columns_and_rates_are_those_of_the_equations(tmp_path: Path) -> 
 
 
 def test_a_parameter_of_the_program_has_the_effect_of_that_of_the_equations(tmp_path: Path) -> None:
-    known = simulator(tmp_path, "equations: {theta: omega, omega: -g*sin(theta)}")
-    program = simulator(
-        tmp_path,
-        "simulator: {function: tests.programs.pendulum}",
-        "trust=tests.programs.pendulum",
-        "recording.path=recorded.csv",
-    )
+    known, program = both(tmp_path)
     nodes = torch.randn((5, 2), generator=torch.Generator().manual_seed(1)).double().numpy()
     damping, tangent = candidates(known.systems[0], ("omega", "omega"), ("omega", "-sin(theta)"))
     g = Candidate("g", None, (), 1.0, in_program=True)

@@ -59,13 +59,19 @@ def relative(found: Tensor, expected: Tensor) -> Tensor:
     return (found - expected).norm(dim=1) / expected.norm(dim=1)
 
 
-def test_columns_of_an_ode_are_those_of_its_equations(make_system) -> None:
+def pendulums(make_system) -> tuple[System, System]:
+    """Return a pendulum by its equations, and as a program."""
     known = make_system(PENDULUM.replace("BODY", "equations: {theta: omega, omega: -g*sin(theta)}"))
     program = make_system(
         PENDULUM.replace("BODY", "simulator: {function: tests.programs.pendulum}"),
         "trust=tests.programs.pendulum",
         "recording.path=recorded.csv",
     )
+    return known, program
+
+
+def test_columns_of_an_ode_are_those_of_its_equations(make_system) -> None:
+    known, program = pendulums(make_system)
     start, eye = nominal_start(known)[0], torch.eye(2, dtype=torch.float64)
     forcing = Forcing(terms(known, ("omega", "omega")), torch.tensor([[-0.3]]).double())
     sources = [terms(known, ("omega", "omega")), terms(known, ("theta", "sin(theta)"))]
@@ -103,12 +109,7 @@ def test_columns_of_a_field_are_those_of_its_equations(
 
 
 def test_the_column_of_a_parameter_of_the_program_is_that_of_the_equations(make_system) -> None:
-    known = make_system(PENDULUM.replace("BODY", "equations: {theta: omega, omega: -g*sin(theta)}"))
-    program = make_system(
-        PENDULUM.replace("BODY", "simulator: {function: tests.programs.pendulum}"),
-        "trust=tests.programs.pendulum",
-        "recording.path=recorded.csv",
-    )
+    known, program = pendulums(make_system)
     start, eye = nominal_start(known)[0], torch.eye(2, dtype=torch.float64)
     # The law: g is 4.5, and there is a damping. The columns are those by g and by the damping.
     by_equations = terms(known, ("omega", "-sin(theta)"), ("omega", "omega"))

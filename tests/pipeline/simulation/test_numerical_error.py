@@ -10,12 +10,12 @@ import pytest
 import torch
 from torch import Tensor
 
+from dashred.core.findings.schema import LARGEST_OWN_ERROR
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import Law
 from dashred.physics.system import System
 from dashred.pipeline.simulation.numerical_error import (
     CHECKED_SHARE,
-    MAX_ERROR,
     VISIBLE,
     numerical_error,
     sufficient_step,
@@ -81,7 +81,7 @@ def test_of_a_run_that_diverges_at_its_own_step_alone_it_is_the_largest_number(t
     # rk4 is stable for rates up to 2.79/dt: 5.57 at the step of 0.5, 11.1 at half of it.
     system = laws.declared(tmp_path, TEXT)
     law = from_start(1e300, torch.tensor([-9.0], dtype=torch.float64), system)
-    assert numerical_error(problem(system), law, SIGMA) == MAX_ERROR
+    assert numerical_error(problem(system), law, SIGMA) == LARGEST_OWN_ERROR
 
 
 def test_the_longest_step_that_suffices_is_told(tmp_path) -> None:

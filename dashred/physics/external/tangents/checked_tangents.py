@@ -8,6 +8,7 @@ import numpy as np
 
 from dashred.core.errors import InputError
 from dashred.physics.external.protocol import Array, Program, Stepper
+from dashred.physics.external.state_batch import StateBatch
 
 # Largest error of a tangent, as a share of its largest value. A wrong one differs by more.
 MOST_ERROR = 0.05
@@ -54,38 +55,27 @@ class CheckedTangents:
             self._is_checked = True
             moving = moved[rows[0]] > 0
             reach = float((largest[moving] / moved[rows[0], moving]).min())
-            each = {name: values[rows] for name, values in inputs.items()}
-            self._check(states[rows], found[rows], reach, t[rows], dt[rows], each, parameters)
+            one = StateBatch(states, t, dt, inputs, parameters).take(rows)
+            self._check(one, found[rows], reach)
         return found
 
-    def _check(
-        self,
-        state: Array,
-        found: Array,
-        reach: float,
-        t: Array,
-        dt: Array,
-        inputs: Mapping[str, Array],
-        parameters: Mapping[str, float],
-    ) -> None:
+    def _check(self, one: StateBatch, found: Array, reach: float) -> None:
         """Compare a state and its tangent with a central difference.
 
         Args:
-            state: with a tangent, ``(1, 2 field, *grid)``.
+            one: a state with a tangent, ``(1, 2 field, *grid)``.
             found: what the tangent's program has returned for it.
             reach: how far along the tangent a field first changes by its own size.
-            t: see :meth:`step`, as the others.
-            dt: length of the step.
-            inputs: in its middle.
-            parameters: of the program.
 
         Raises:
             InputError: they differ.
         """
-        own, direction = np.split(state, 2, axis=1)
+        own, direction = np.split(one.states, 2, axis=1)
         step = self._program.rounding ** (1 / 3) * reach
         ends = [
-            self._program.step(own + sign * step * direction, t, dt, inputs, parameters)
+            self._program.step(
+                own + sign * step * direction, one.t, one.dt, one.inputs, one.parameters
+            )
             for sign in (-1, 0, 1)
         ]
         after, moved = np.split(found, 2, axis=1)
