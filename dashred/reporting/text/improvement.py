@@ -91,8 +91,8 @@ def is_confirmed(findings: Mapping[str, Any]) -> bool:
     Where no law of the library expresses what is missing, they may contradict the nearest one.
     """
     worse = any(each["worse"] for each in findings["fit"].get("comparisons", ()))
-    is_nearest = findings["verdict"] == "outside-library" and worse
-    return bool(findings["verdict"] != "unconfirmed") and not is_nearest
+    has_nearest = findings["verdict"] == "outside-library" and bool(findings["terms"])
+    return bool(findings["verdict"] != "unconfirmed") and not (has_nearest and worse)
 
 
 def contradictions(findings: Mapping[str, Any]) -> list[str]:

@@ -110,6 +110,19 @@ def test_an_unconfirmed_law_is_a_suggestion_with_the_comparison_that_failed() ->
     assert "suggested" not in text_of(found(BETTER, WORSE, verdict="missing-term")).lower()
 
 
+def test_the_nearest_law_of_an_effect_outside_of_the_library_may_be_refuted() -> None:
+    outside: Any = {
+        "verdict": "outside-library",
+        "causes": [{"kind": "outside-library", "gain": 9}],
+    }
+    told = found(BETTER, WORSE, **outside)
+    assert "Suggested, but not confirmed: the simulation leaves out" in text_of(told)
+    assert "the held-out data contradict" in headline(told)
+    # Without a law there is nothing to refute.
+    alone = text_of(found(BETTER, WORSE, terms=None, **outside))
+    assert "suggested" not in alone.lower() and "only these sensors" not in alone
+
+
 def test_unconfirmed_faults_are_told_with_the_misfits_at_the_test_sensors() -> None:
     says = "the readings of sensor s08 wander"
     cause = {"kind": "sensor-fault", "probability": 0.98, "says": says}
