@@ -24,6 +24,7 @@ from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.discovery import discovery
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
+from dashred.pipeline.discovery.inputs import DiscoveryInputs
 from dashred.pipeline.discovery.segments.relinearisation import with_fitted_readings
 from dashred.pipeline.discovery.segments.segment_stage import (
     discover_in_segments,
@@ -245,17 +246,10 @@ def _discover_law(
     ):
         with run.child("discover") as child:
             return discover_in_segments(problem, segments, child, seconds)
-    return discovery.discover(
-        problem,
-        nominal,
-        simulated.resolution,
-        ensemble,
-        network,
-        assimilated,
-        segments,
-        run,
-        seconds,
+    given = DiscoveryInputs(
+        problem, nominal, simulated.resolution, ensemble, network, assimilated, segments
     )
+    return discovery.discover(given, run, seconds)
 
 
 def analyse_equations(config: Config) -> Path:
