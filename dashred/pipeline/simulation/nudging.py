@@ -22,6 +22,7 @@ from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.initial_state_prior import StartPrior
 from dashred.physics.solvers.simulate import simulate
 from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation.reading_range import distance_from_readings
 
 # A run has left the range of the recording if a reading of a quantity is farther from its mean over
 # all sensors than this many of its standard deviations.
@@ -39,18 +40,8 @@ def is_lost(problem: Problem, path: Tensor) -> bool:
         problem: one episode.
         path: its simulation, ``(time, field, *grid)``.
     """
-    fit = problem.split.fit
-    simulated = problem.operator(fit)(path[: len(fit.times)]).numpy()
-    for quantity in {sensor.reads for sensor in fit.sensors}:
-        mine = [sensor.reads == quantity for sensor in fit.sensors]
-        values = fit.values[:, mine]
-        away = np.abs(simulated[:, mine] - np.nanmean(values)) / max(
-            float(np.nanstd(values)), 1e-12
-        )
-        # Written with "not", because the simulation may be NaN.
-        if not (away < LOST).all():
-            return True
-    return False
+    fitted = path[: len(problem.split.fit.times)]
+    return bool((distance_from_readings(problem, fitted) >= LOST).any())
 
 
 def nudged_run(problem: Problem, prior: StartPrior) -> Tensor:
