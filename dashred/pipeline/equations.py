@@ -46,7 +46,12 @@ from dashred.pipeline.simulation.ensembles import (
     simulate_nudged_ensemble,
 )
 from dashred.pipeline.simulation.longer_step import with_longer_step
-from dashred.pipeline.simulation.nominal_run import NominalRun, simulate_nominal
+from dashred.pipeline.simulation.nominal_run import (
+    NominalRun,
+    can_be_corrected,
+    corrected_towards_readings,
+    simulate_nominal,
+)
 from dashred.pipeline.simulation.program_cost import follows_segments
 from dashred.pipeline.simulation.resolution_check import check_corrected, check_discretisation
 from dashred.pipeline.simulation.state_samples import state_samples
@@ -111,6 +116,11 @@ def _simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
         problem = problem.with_step(dt, reason)
         nominal = simulate_nominal(problem, seconds)
         resolution = check_discretisation(problem, nominal, seconds)
+    if resolution.enough is None and can_be_corrected(problem, nominal):
+        along = corrected_towards_readings(problem, nominal, seconds)
+        locally = check_discretisation(problem, along, seconds)
+        if locally.resolved:
+            nominal, resolution = along, locally
     if not resolution.resolved:
         return SimulationRuns(problem, nominal, resolution, None)
     problem = with_longer_step(problem, nominal)
