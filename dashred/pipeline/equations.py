@@ -24,6 +24,7 @@ from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.discovery import discovery
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
+from dashred.pipeline.discovery.inputs import DiscoveryInputs
 from dashred.pipeline.discovery.segments.relinearisation import with_fitted_readings
 from dashred.pipeline.discovery.segments.segment_stage import (
     discover_in_segments,
@@ -45,7 +46,12 @@ from dashred.pipeline.simulation.ensembles import (
     simulate_nudged_ensemble,
 )
 from dashred.pipeline.simulation.longer_step import with_longer_step
-from dashred.pipeline.simulation.nominal_run import NominalRun, simulate_nominal
+from dashred.pipeline.simulation.nominal_run import (
+    NominalRun,
+    can_be_corrected,
+    corrected_towards_readings,
+    simulate_nominal,
+)
 from dashred.pipeline.simulation.program_cost import follows_segments
 from dashred.pipeline.simulation.resolution_check import check_corrected, check_discretisation
 from dashred.pipeline.simulation.state_samples import state_samples
@@ -110,6 +116,11 @@ def _simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
         problem = problem.with_step(dt, reason)
         nominal = simulate_nominal(problem, seconds)
         resolution = check_discretisation(problem, nominal, seconds)
+    if resolution.enough is None and can_be_corrected(problem, nominal):
+        along = corrected_towards_readings(problem, nominal, seconds)
+        locally = check_discretisation(problem, along, seconds)
+        if locally.resolved:
+            nominal, resolution = along, locally
     if not resolution.resolved:
         return SimulationRuns(problem, nominal, resolution, None)
     problem = with_longer_step(problem, nominal)
@@ -245,17 +256,10 @@ def _discover_law(
     ):
         with run.child("discover") as child:
             return discover_in_segments(problem, segments, child, seconds)
-    return discovery.discover(
-        problem,
-        nominal,
-        simulated.resolution,
-        ensemble,
-        network,
-        assimilated,
-        segments,
-        run,
-        seconds,
+    given = DiscoveryInputs(
+        problem, nominal, simulated.resolution, ensemble, network, assimilated, segments
     )
+    return discovery.discover(given, run, seconds)
 
 
 def analyse_equations(config: Config) -> Path:

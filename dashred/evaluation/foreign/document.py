@@ -13,6 +13,7 @@ from dashred.core.findings.findings import canonical
 from dashred.core.progress import CONSOLE
 from dashred.core.templates import render
 from dashred.evaluation.foreign.arguments import Request
+from dashred.evaluation.foreign.cases.case import COLLECTIONS
 from dashred.evaluation.foreign.draw_file import DRAW, Draw, read_draw
 from dashred.evaluation.foreign.peers.methods import PEERS
 from dashred.evaluation.foreign.rows import Row, read_rows
@@ -20,6 +21,7 @@ from dashred.evaluation.foreign.tables import (
     detail_table,
     failure_table,
     outcome_table,
+    overview,
     peer_table,
     seconds_table,
 )
@@ -57,11 +59,21 @@ def write_document(request: Request) -> None:
 
 
 def document(draws: Sequence[tuple[Draw, list[Row]]]) -> str:
-    """Return the page as Markdown."""
+    """Return the page as Markdown, the newest draw first.
+
+    Args:
+        draws: the draws, the oldest first.
+    """
+    newest_first = draws[::-1]
     return render(
         TEMPLATE,
         peers=["", "n", "dashred", *PEERS.values()],
-        draws=[_section(facts, rows) for facts, rows in draws],
+        collections=list(COLLECTIONS.values()),
+        overview=[
+            overview(facts["name"], sum(facts["cases"].values()), rows)
+            for facts, rows in newest_first
+        ],
+        draws=[_section(facts, rows) for facts, rows in newest_first],
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TypedDict
+from typing import NotRequired, TypedDict
 
 from dashred.core.findings.findings import write_json_atomic
 from dashred.evaluation.foreign.cases.case import Case, Collection, Kind
@@ -50,7 +50,8 @@ class Row(TypedDict):
         covered: whether a 95 % interval has the true value, for each told term of the true law.
         gain_sensors: error of the fitted start over that of the corrected simulation at the test
             sensors.
-        gain_time: the same in the held-out time.
+        gain_time: the same in the held-out time, of runs from the start of the recording.
+        gain_forecast: the same of runs from a state that is fitted just before the held-out time.
         seconds: CPU seconds of the analysis; of an analysis that was ended, its limit.
         wall: wall-clock seconds of the analysis.
         problem: why there is no answer.
@@ -74,6 +75,7 @@ class Row(TypedDict):
     covered: list[bool]
     gain_sensors: float | None
     gain_time: float | None
+    gain_forecast: NotRequired[float | None]
     seconds: float | None
     wall: float
     problem: str | None

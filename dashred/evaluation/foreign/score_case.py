@@ -14,6 +14,9 @@ from dashred.evaluation.foreign.scoring.judge import judge
 from dashred.evaluation.proof.cases.descriptions import describe_findings
 from dashred.evaluation.twins.findings_reader import read_findings
 
+# The gain if the simulation diverges and the model does not.
+LARGEST_GAIN = 1e6
+
 
 def score_case(case: Case, truth: Truth, given: Path, folder: Path) -> Row:
     """Return the row of a case with findings, without its times and its peers.
@@ -42,8 +45,9 @@ def score_case(case: Case, truth: Truth, given: Path, folder: Path) -> Row:
         "probability": causes[0]["probability"] if causes else None,
         "located": judged.located,
         "covered": judged.covered,
-        "gain_sensors": _gain(findings["fit"]["test_sensors"]),
-        "gain_time": _gain(findings["fit"]["heldout_time"]),
+        "gain_sensors": gain(findings["fit"]["test_sensors"]),
+        "gain_time": gain(findings["fit"]["heldout_time"]),
+        "gain_forecast": gain(findings["fit"].get("heldout_restarted") or {}),
     }
     return answer
 
@@ -68,6 +72,7 @@ def empty_row(case: Case, truth: Truth | None, problem: str | None = None) -> Ro
         covered=[],
         gain_sensors=None,
         gain_time=None,
+        gain_forecast=None,
         seconds=None,
         wall=0.0,
         problem=problem,
@@ -75,6 +80,13 @@ def empty_row(case: Case, truth: Truth | None, problem: str | None = None) -> Ro
     )
 
 
-def _gain(errors: Mapping[str, Any]) -> float | None:
+def gain(errors: Mapping[str, Any]) -> float | None:
+    """Return the error of the simulation over that of the model; None without the latter.
+
+    The error of a run that diverges is stored as none. Beside one of the model that does not, it
+    counts as the largest gain.
+    """
     before, after = errors.get("simulation_refit"), errors.get("corrected")
-    return before / after if before and after else None
+    if not after:
+        return None
+    return LARGEST_GAIN if before is None else min(before / after, LARGEST_GAIN)

@@ -15,6 +15,17 @@ Rows = Sequence[Row]
 BINS = ((0.0, 0.9), (0.9, 0.98), (0.98, 1.01))
 
 
+def overview(name: str, planned: int, rows: Rows) -> list[str]:
+    """Return the line of a draw in the table of all draws."""
+    shares = [
+        str(_rate(chosen, "right")) if chosen else "–"
+        for chosen in ([row for row in rows if row["collection"] == each] for each in COLLECTIONS)
+    ]
+    covered = Rate.of(c for row in rows for c in row["covered"])
+    done = f"{len(rows)} of {planned}"
+    return [name, done, *shares, str(_rate(rows, "silent-wrong")), str(covered)]
+
+
 def outcome_table(rows: Rows) -> list[list[str]]:
     """Return the shares of the outcomes by collection, noise, kind and system."""
     return [
@@ -51,12 +62,13 @@ def detail_table(rows: Rows) -> list[list[str]]:
     for name, values in (
         ("test sensors", [row["gain_sensors"] for row in right]),
         ("held-out time", [row["gain_time"] for row in right]),
+        ("forecast from a fitted state", [row.get("gain_forecast") for row in right]),
     ):
         middle, count = median_of(values)
         better = Rate.of(None if value is None else value > 1 for value in values)
         lines.append(
             [
-                f"gain at the {name} where the verdict is right: median of {count}, share above 1",
+                f"gain, {name}, where the verdict is right: median of {count}, share above 1",
                 "–" if middle is None else f"{middle:.3g}; {better}",
             ]
         )

@@ -10,85 +10,46 @@ import torch
 from dashred.core.progress import stage
 from dashred.core.tracking import RunTracker
 from dashred.inference.fit.forecast_choice import MOST_TERMS
-from dashred.inference.fit.stepwise_selection import (
-    select,
-)
 from dashred.inference.forward.candidates import Candidate, build_candidates, indices_by_name
 from dashred.inference.forward.parameter_block import split_parameters
 from dashred.inference.hypotheses.comparison.comparison import Comparison
-from dashred.inference.hypotheses.result import Discovery
+from dashred.inference.hypotheses.result import BestOfSize, Discovery
 from dashred.inference.segments.findings.force_map import force_map
 from dashred.inference.segments.selection.left_force import force_beside
 from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.inference.sensor_faults.error_curve import follows_state
-from dashred.physics.runs.ensemble import Ensemble
-from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline.assimilation import AssimilationResult
-from dashred.pipeline.discovery.first_guess_stage import fit_first_guesses
-from dashred.pipeline.discovery.headline_law import headline_law, with_headline
-from dashred.pipeline.discovery.horizon_stage import (
-    extend_horizon,
-    fit_from_first_guesses,
-    selection_prior,
-    with_residual_noise,
-)
+from dashred.pipeline.discovery.first_trajectory import FirstTrajectory, fit_first_trajectory
+from dashred.pipeline.discovery.headline_law import with_headline
 from dashred.pipeline.discovery.hypothesis_stage import (
     compare_explanations,
     forcing_gain_on,
     is_record_explained,
     is_start_explained,
 )
+from dashred.pipeline.discovery.inputs import DiscoveryInputs
 from dashred.pipeline.discovery.law_metrics import log_best_by_size, log_first_guesses
-from dashred.pipeline.discovery.least_squares import (
-    build_least_squares,
-    coarse_simulator,
-    exact_simulator,
-)
-from dashred.pipeline.discovery.local_cause_stage import discover_local_cause
-from dashred.pipeline.discovery.prior_start import select_near_prior
+from dashred.pipeline.discovery.law_stage import SelectedLaws, select_laws
+from dashred.pipeline.discovery.least_squares import exact_simulator
 from dashred.pipeline.discovery.segments.library_choice import is_explained
-from dashred.pipeline.discovery.segments.segment_horizon import follow_segments
 from dashred.pipeline.discovery.segments.segment_stage import discover_in_segments, with_few_terms
-from dashred.pipeline.discovery.selected_laws import (
-    MAX_RIVALS,
-    best_by_size,
-    fit_best,
-    room_left_for,
-)
+from dashred.pipeline.discovery.selected_laws import best_by_size, room_left_for
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.simulation.state_samples import state_samples
-from dashred.pipeline.training import TrainedNetwork
 
 
 @torch.no_grad()
-def discover(
-    problem: Problem,
-    nominal: NominalRun,
-    resolution: Resolution,
-    ensemble: Ensemble,
-    network: TrainedNetwork,
-    assimilated: AssimilationResult,
-    segments: SegmentSearch | None,
-    run: RunTracker,
-    seconds: dict[str, float],
-) -> Discovery:
+def discover(given: DiscoveryInputs, run: RunTracker, seconds: dict[str, float]) -> Discovery:
     """Fit the first guesses, extend the horizon, select the terms and compare hypotheses.
 
     See docs/method.md#fit-through-the-simulator.
 
     Args:
-        problem: recording and settings.
-        nominal: simulation that gives the scales of the terms.
-        resolution: numerical error of the simulation.
-        ensemble: simulations from which first guesses are made.
-        network: SHRED, with its errors on test members.
-        assimilated: reconstructed fields and the terms that latent SINDy proposes.
-        segments: laws found over segments, which are returned if no trajectory reaches the end of
-            the record and no other cause explains it; None if there are none.
+        given: recording, simulations, and results of the stages before.
         run: tracker of the parent run.
         seconds: run time by stage, updated.
     """
+    problem, nominal, segments = given.problem, given.nominal, given.segments
     samples = state_samples(problem, nominal)
     parameters, candidates = split_parameters(
         build_candidates(
@@ -101,139 +62,130 @@ def discover(
             problem.let_terms,
         )
     )
-    proposals = _proposals(problem, candidates, assimilated)
+    simulator = exact_simulator(problem, candidates, parameters=parameters)
     with run.child("discover") as child:
-        simulator = exact_simulator(problem, candidates, parameters=parameters)
-        weak = problem.config.discovery.weak
-        explained = segments is not None and is_explained(segments)
-        followed = None
-        if segments is not None and explained:
-            with stage("fit one trajectory to the record", seconds):
-                objective = build_least_squares(problem, simulator, nominal.start, candidates, weak)
-                followed = follow_segments(objective, segments)
-        if followed is not None:
-            guesses, (guess, horizon) = [followed[0]], followed
-        else:
-            with stage("fit the first guesses", seconds) as report:
-                coarse = coarse_simulator(problem, simulator, resolution)
-                guesses = fit_first_guesses(
-                    problem, coarse, nominal, ensemble, network, assimilated, report
-                )
-                errors = ", ".join(f"{g.name} {g.error:.2f}" for g in guesses)
-                report(1.0, f"{errors} σ error at the sensors")
-            if problem.system.axes:
-                begin = guesses[0].start
-                objective = build_least_squares(problem, simulator, begin, candidates, weak)
-                local = discover_local_cause(problem, nominal, objective, coarse, guesses, seconds)
-                if local is not None:
-                    return local
-            with stage("grow the horizon", seconds) as report:
-                guess, horizon = fit_from_first_guesses(
-                    problem, coarse, candidates, guesses, report
-                )
-            if segments is not None and explained and not horizon.is_complete:
-                return discover_in_segments(problem, segments, child, seconds)
-        log_first_guesses(run, child, guesses, guess, horizon)
-        if horizon.widened:
-            proposals = [horizon.widened, *proposals]
-            weak = selection_prior(problem.config.discovery.tight, weak, horizon)
-        objective = build_least_squares(problem, simulator, guess.start, candidates, weak)
-        deadline = problem.deadline("select the law")
-        objective = replace(with_residual_noise(objective, horizon), deadline=deadline)
-        with stage("select the law", seconds) as report:
-            selection = select(objective.truncate(horizon.samples), horizon.phi, proposals, report)
-            if not horizon.is_complete:
-                horizon, selection = extend_horizon(
-                    objective, horizon, selection, proposals, report
-                )
-            selection = select_near_prior(nominal.start, selection, MAX_RIVALS, report)
-            objective = objective.with_start(selection.objective.forward_model.start)
-            report(1.0, f"{len(selection.tried)} sets refitted")
-        if not selection.exhausted and deadline.is_over:
-            problem.budget.leave_out("further sets of terms")
-        with stage("fit the law to the end", seconds) as report:
-            later = problem.deadline("fit the law to the end")
-            selection = replace(selection, objective=replace(selection.objective, deadline=later))
-            laws, ranked, nothing, uncorrected = fit_best(selection)
-            report(1.0, str(laws[0]))
-            told = problem.budget.attempt(
-                "forecasts of smaller laws",
-                lambda: headline_law(selection, laws[0].score),
-                None,
-            )
-        # Many terms make up for a small model error, which the fit over segments allows for.
-        has_model_error = (
-            told is not None and segments is not None and is_explained(with_few_terms(segments))
-        )
-        with stage("compare hypotheses", seconds) as report:
-            seen = replace(selection.objective.noise, available=objective.noise.available)
-            deadline = problem.deadline("compare hypotheses")
-            compared = None
-            if not has_model_error:
-                compared = problem.budget.attempt(
-                    "all other causes",
-                    lambda: compare_explanations(
-                        problem,
-                        nominal,
-                        replace(objective, noise=seen, deadline=deadline),
-                        horizon.samples,
-                        laws,
-                        ranked,
-                        nothing,
-                        guesses[0],
-                        report,
-                    ),
-                    None,
-                )
-            comparison = compared or Comparison(laws, uncorrected, seen, seen, 0.0, None)
-            if is_start_explained(problem, comparison.laws[0]):
-                # A forcing explains what the modes of the start leave in the first samples.
-                comparison = replace(comparison, forcing_gain=0.0, forcing_map=None, source=None)
-            report(1.0, str(comparison.laws[0]))
-        is_complete = horizon.is_complete or (
-            compared is not None and is_record_explained(problem, compared)
-        )
-        # A law of many terms imitates other causes; without the comparison it is no finding.
-        is_compared = compared is not None and not compared.is_cut_short
-        is_unchecked = told is None and not is_compared and len(laws[0].candidates) > MOST_TERMS
-        # An error that is the same in every episode imitates a law that is missing.
-        faults = comparison.laws[0].faults
-        imitates = any(follows_state([c.value for c in fault.curves]) for fault in faults)
-        is_complete = is_complete and not is_unchecked and not (imitates and segments is not None)
+        first = fit_first_trajectory(given, simulator, candidates, child, seconds)
+        if isinstance(first, Discovery):
+            return first
+        log_first_guesses(run, child, first.guesses, first.guess, first.horizon)
+        proposals = _proposals(problem, candidates, given.assimilated)
+        selected = select_laws(given, simulator, candidates, first, proposals, seconds)
+        has_model_error = _has_model_error(given, selected)
+        compared = None if has_model_error else _compare(given, selected, first, seconds)
+        is_complete = _is_complete(given, selected, compared)
         if segments is not None and not is_complete:
             return discover_in_segments(problem, segments, child, seconds)
-        path = best_by_size(selection, nothing)
+        path = best_by_size(selected.selection, selected.nothing)
         log_best_by_size(child, path)
-    part = selection.objective
+    comparison = compared or _uncompared(selected)
+    if is_start_explained(problem, comparison.laws[0]):
+        # A forcing explains what the modes of the start leave in the first samples.
+        comparison = replace(comparison, forcing_gain=0.0, forcing_map=None, source=None)
+    found = _findings(selected, comparison, first, path, is_complete=is_complete)
+    if selected.told is not None:
+        told, gain = selected.told, 0.0
+        if not has_model_error:
+            gain = max(told.further_gain, forcing_gain_on(told.fit, problem, nominal))
+        found = with_headline(found, told.fit.law, gain)
+    return found if segments is None else _with_left_force(found, segments)
+
+
+def _has_model_error(given: DiscoveryInputs, selected: SelectedLaws) -> bool:
+    """Tell whether many terms make up for a small model error.
+
+    The fit over segments allows for such an error.
+    """
+    segments = given.segments
+    if selected.told is None or segments is None:
+        return False
+    return is_explained(with_few_terms(segments))
+
+
+def _compare(
+    given: DiscoveryInputs,
+    selected: SelectedLaws,
+    first: FirstTrajectory,
+    seconds: dict[str, float],
+) -> Comparison | None:
+    """Compare the selected laws with all other causes; None if there is no time for it."""
+    problem, objective = given.problem, selected.objective
+    deadline = problem.deadline("compare hypotheses")
+    with stage("compare hypotheses", seconds) as report:
+        compared = problem.budget.attempt(
+            "all other causes",
+            lambda: compare_explanations(
+                problem,
+                given.nominal,
+                replace(objective, noise=selected.noise, deadline=deadline),
+                selected.horizon.samples,
+                selected.laws,
+                selected.ranked,
+                selected.nothing,
+                first.guesses[0],
+                report,
+            ),
+            None,
+        )
+        report(1.0, str(selected.laws[0] if compared is None else compared.laws[0]))
+    return compared
+
+
+def _uncompared(selected: SelectedLaws) -> Comparison:
+    """Return the selected laws alone."""
+    noise = selected.noise
+    return Comparison(selected.laws, selected.uncorrected, noise, noise, 0.0, None)
+
+
+def _is_complete(
+    given: DiscoveryInputs, selected: SelectedLaws, compared: Comparison | None
+) -> bool:
+    """Tell whether the best law, or another cause, explains the whole record."""
+    is_reached = selected.horizon.is_complete or (
+        compared is not None and is_record_explained(given.problem, compared)
+    )
+    # A law of many terms imitates other causes; without the comparison it is no finding.
+    is_compared = compared is not None and not compared.is_cut_short
+    has_many_terms = len(selected.laws[0].candidates) > MOST_TERMS
+    is_unchecked = selected.told is None and not is_compared and has_many_terms
+    # An error that is the same in every episode imitates a law that is missing.
+    faults = () if compared is None else compared.laws[0].faults
+    imitates = any(follows_state([c.value for c in fault.curves]) for fault in faults)
+    return is_reached and not is_unchecked and not (imitates and given.segments is not None)
+
+
+def _findings(
+    selected: SelectedLaws,
+    comparison: Comparison,
+    first: FirstTrajectory,
+    path: list[BestOfSize],
+    *,
+    is_complete: bool,
+) -> Discovery:
+    """Return the findings, with what the fit of the best law could still gain."""
+    part, horizon = selected.selection.objective, selected.horizon
     # If the horizon did not reach the end, its misfit does not hold for the whole record.
     free_chi2, room = comparison.laws[0].chi2, None
     if horizon.is_complete:
         free_chi2 = float(part.residuals(horizon.readings).square().sum()) / part.noise.count
-        fits = [nothing, *ranked]
+        fits = [selected.nothing, *selected.ranked]
         room = room_left_for(part, fits, comparison.laws[0], horizon.readings, free_chi2)
-    found = Discovery(
+    return Discovery(
         laws=comparison.laws,
         uncorrected=comparison.uncorrected,
         noise=comparison.noise,
-        first_guesses={g.name: g.error for g in guesses},
-        first_guess=guess.name,
+        first_guesses={g.name: g.error for g in first.guesses},
+        first_guess=first.guess.name,
         levels=horizon.levels,
         is_horizon_complete=is_complete,
         free_chi2=free_chi2,
-        is_search_complete=selection.exhausted,
+        is_search_complete=selected.selection.exhausted,
         path=path,
-        refit_count=len(selection.tried),
+        refit_count=len(selected.selection.tried),
         forcing_gain=comparison.forcing_gain,
         forcing_map=comparison.forcing_map,
         source=comparison.source,
         room_left=room,
     )
-    if told is not None:
-        gain = 0.0
-        if not has_model_error:
-            gain = max(told.further_gain, forcing_gain_on(told.fit, problem, nominal))
-        found = with_headline(found, told.fit.law, gain)
-    return found if segments is None else _with_left_force(found, segments)
 
 
 def _with_left_force(found: Discovery, segments: SegmentSearch) -> Discovery:

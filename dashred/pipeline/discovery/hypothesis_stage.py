@@ -207,7 +207,8 @@ def is_noise_inflated(problem: Problem, noise: NoiseModel, *, is_whole: bool = T
 
 def forcing_gain_on(fit: HypothesisFit, problem: Problem, nominal: NominalRun) -> float:
     """Return the evidence for a free forcing on top of a law."""
-    size = tendency_size(problem.system, nominal.references[0], problem.times)
+    samples = state_samples(problem, nominal)
+    size = tendency_size(samples.system, samples.states, samples.times)
     objective = replace(fit.objective, deadline=NEVER)
     return fit_free_forcing(objective, fit.phi, size)[1]
 

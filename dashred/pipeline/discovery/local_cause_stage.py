@@ -39,6 +39,7 @@ from dashred.pipeline.discovery.hypothesis_stage import (
 from dashred.pipeline.discovery.prior_start import MAX_LAW_RATIO, fit_near_prior
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
+from dashred.pipeline.simulation.state_samples import state_samples
 
 # Parts of the record that are searched, each longer than the one before.
 MAX_PARTS = 3
@@ -101,7 +102,8 @@ def _find_local_cause(
     Raises:
         OutOfTimeError: there was no time for the search.
     """
-    size = tendency_size(problem.system, nominal.references[0], problem.times)
+    samples = state_samples(problem, nominal)
+    size = tendency_size(samples.system, samples.states, samples.times)
     objective = replace(objective, deadline=problem.deadline("look for a local cause"))
     exact = objective.subset(())
     null = replace(exact, forward_model=replace(exact.forward_model, simulator=simulator))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import torch
@@ -19,7 +19,7 @@ from dashred.physics.runs.initial_state_prior import (
 )
 from dashred.physics.solvers.simulate import check_finite, simulate
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation.nudging import nudged_where_lost
+from dashred.pipeline.simulation.nudging import nudged_where_lost, smooth_runs
 from dashred.pipeline.simulation.segmented_record import can_restart, restarted_where_lost
 from dashred.pipeline.simulation.start_modes import start_prior
 from dashred.pipeline.simulation.time_limit import within
@@ -35,8 +35,8 @@ class NominalRun:
         others: the same for the other fitted episodes, with their times and inputs.
         whole: the same for the episodes that are held out as a whole.
         restarted: the simulator restarted along the readings or corrected towards them, for each
-            fitted episode; empty unless its simulation leaves the range of the recording or blows
-            up.
+            fitted episode; empty unless its simulation leaves the range of the recording, blows up
+            or is not resolved.
     """
 
     prior: StartPrior
@@ -85,3 +85,27 @@ def simulate_nominal(problem: Problem, seconds: dict[str, float]) -> NominalRun:
             check_finite(path, times, system)
     prior = start_prior(problem, start[0], restarted[0] if restarted else path[0])
     return NominalRun(prior, path[0], others, whole, restarted)
+
+
+def can_be_corrected(problem: Problem, nominal: NominalRun) -> bool:
+    """Return whether a run can be corrected towards the readings, and is not yet."""
+    return bool(problem.system.axes) and problem.snapshots is None and not nominal.restarted
+
+
+@torch.no_grad()
+def corrected_towards_readings(
+    problem: Problem, nominal: NominalRun, seconds: dict[str, float]
+) -> NominalRun:
+    """Return the runs of a simulator of fields, corrected towards the readings at every sample.
+
+    A simulator may lack what keeps its fields smooth. Its own run is then no measure of anything.
+
+    Args:
+        problem: the recording.
+        nominal: runs of the simulator.
+        seconds: run time by stage, updated.
+    """
+    with stage("correct a run towards the readings", seconds):
+        states = smooth_runs(problem, nominal.prior)
+        start = nominal.prior.centre[None]
+        return replace(nominal, prior=start_prior(problem, start[0], states[0]), restarted=states)

@@ -12,7 +12,7 @@ M holds the modes of the start's prior, scaled so that the readings have their r
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
@@ -22,6 +22,7 @@ from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.initial_state_prior import StartPrior
 from dashred.physics.solvers.simulate import simulate
 from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation.reading_range import distance_from_readings
 
 # A run has left the range of the recording if a reading of a quantity is farther from its mean over
 # all sensors than this many of its standard deviations.
@@ -30,6 +31,8 @@ LOST = 10.0
 READING_SPREAD = 0.3
 # A field stays within the range of its readings, widened by this share of it on both sides.
 MARGIN = 0.5
+# Shapes are independent if their singular value is above this share of the largest.
+LEAST = 1e-6
 
 
 def is_lost(problem: Problem, path: Tensor) -> bool:
@@ -39,18 +42,8 @@ def is_lost(problem: Problem, path: Tensor) -> bool:
         problem: one episode.
         path: its simulation, ``(time, field, *grid)``.
     """
-    fit = problem.split.fit
-    simulated = problem.operator(fit)(path[: len(fit.times)]).numpy()
-    for quantity in {sensor.reads for sensor in fit.sensors}:
-        mine = [sensor.reads == quantity for sensor in fit.sensors]
-        values = fit.values[:, mine]
-        away = np.abs(simulated[:, mine] - np.nanmean(values)) / max(
-            float(np.nanstd(values)), 1e-12
-        )
-        # Written with "not", because the simulation may be NaN.
-        if not (away < LOST).all():
-            return True
-    return False
+    fitted = path[: len(problem.split.fit.times)]
+    return bool((distance_from_readings(problem, fitted) >= LOST).any())
 
 
 def nudged_run(problem: Problem, prior: StartPrior) -> Tensor:
@@ -61,6 +54,20 @@ def nudged_run(problem: Problem, prior: StartPrior) -> Tensor:
         prior: distribution of its start.
     """
     return _nudged(problem, prior, prior.centre[None], torch.ones(1, dtype=torch.float64))[0]
+
+
+def smooth_run(problem: Problem, prior: StartPrior) -> Tensor:
+    """Return the corrected run of one episode, ``(time, field, *grid)``, of smooth states.
+
+    At every sample, each field is projected onto the modes of a random start and the nominal start.
+    A simulator without its dissipation creates ever finer structures, which no sensor sees.
+
+    Args:
+        problem: the episode.
+        prior: distribution of its start.
+    """
+    factors = torch.ones(1, dtype=torch.float64)
+    return _nudged(problem, prior, prior.centre[None], factors, _smoothing(prior))[0]
 
 
 def nudged_ensemble(
@@ -82,7 +89,29 @@ def nudged_ensemble(
     return Ensemble(times, states, torch.zeros((members, len(problem.library))))
 
 
-def _nudged(problem: Problem, prior: StartPrior, start: Tensor, factors: Tensor) -> Tensor:
+def _smoothing(prior: StartPrior) -> Callable[[Tensor], Tensor]:
+    """Return the projection of states ``(batch, field, *grid)`` onto smooth ones."""
+    bases = []
+    for nominal in prior.centre:
+        shapes = torch.cat([prior.basis.flatten(1), nominal.flatten()[None]])
+        vectors, sizes, _ = torch.linalg.svd(shapes.T, full_matrices=False)
+        bases.append(vectors[:, sizes > LEAST * sizes[0]])
+
+    def smooth(states: Tensor) -> Tensor:
+        fields = states.flatten(2).unbind(dim=1)
+        found = [each @ basis @ basis.T for each, basis in zip(fields, bases, strict=True)]
+        return torch.stack(found, dim=1).reshape(states.shape)
+
+    return smooth
+
+
+def _nudged(
+    problem: Problem,
+    prior: StartPrior,
+    start: Tensor,
+    factors: Tensor,
+    smoothing: Callable[[Tensor], Tensor] = lambda states: states,
+) -> Tensor:
     """Return corrected runs, ``(member, time, field, *grid)``.
 
     Args:
@@ -90,6 +119,7 @@ def _nudged(problem: Problem, prior: StartPrior, start: Tensor, factors: Tensor)
         prior: distribution of its start.
         start: of every run, ``(member, field, *grid)``.
         factors: by which the readings of each are multiplied about their mean, ``(member,)``.
+        smoothing: is applied to the states after each correction.
     """
     fit, times = problem.split.fit, problem.times
     operator, readings = problem.operator(fit), torch.from_numpy(fit.values)
@@ -112,7 +142,7 @@ def _nudged(problem: Problem, prior: StartPrior, start: Tensor, factors: Tensor)
         gain = _gain(seen[known], noise[known])
         states = states + torch.einsum("bs,ms,m...->b...", apart, gain, modes)
         # Between the sensors a field may leave the range of the readings.
-        states = states.clamp(low, high)
+        states = smoothing(states).clamp(low, high)
         saved.append(states)
     return torch.stack(saved, dim=1)
 
@@ -161,11 +191,25 @@ def nudged_where_lost(
         States at the times of each episode. Beyond the fitted part, whose readings alone are used,
         they are repeated. Empty if no run is lost.
     """
-    pairs = list(zip(problem.episodes, paths, strict=True))
+    pairs = zip(problem.episodes, paths, strict=True)
     if not any(is_lost(episode, path) for episode, path in pairs):
         return ()
-    found = []
-    for episode, _ in pairs:
-        states = nudged_run(episode, prior)
-        found.append(states[torch.arange(len(episode.times)) % len(states)])
-    return tuple(found)
+    return tuple(_over_times(e, nudged_run(e, prior)) for e in problem.episodes)
+
+
+def smooth_runs(problem: Problem, prior: StartPrior) -> tuple[Tensor, ...]:
+    """Return the corrected runs of smooth states of all fitted episodes.
+
+    Args:
+        problem: the recording.
+        prior: distribution of the start.
+
+    Returns:
+        See :func:`nudged_where_lost`.
+    """
+    return tuple(_over_times(e, smooth_run(e, prior)) for e in problem.episodes)
+
+
+def _over_times(episode: Problem, states: Tensor) -> Tensor:
+    """Return states at all times of an episode; beyond the fitted part they are repeated."""
+    return states[torch.arange(len(episode.times)) % len(states)]

@@ -13,9 +13,14 @@ from dashred.physics.expressions.algebra import names
 from dashred.physics.system import System
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
+from dashred.pipeline.simulation.reading_range import distance_from_readings
 
 # The samples of several episodes together are thinned to so many, but never below one episode's.
 MOST_SAMPLES = 500
+# A simulator that lacks what keeps it bounded drifts away. States whose readings are farther from
+# the recorded ones than this many standard deviations say nothing about the size of a term, and
+# those of a term of high order would be all that counts. So many samples have to remain.
+FARTHEST, FEWEST = 5.0, 20
 
 
 @dataclass(frozen=True)
@@ -34,29 +39,36 @@ class StateSamples:
 
 
 def state_samples(problem: Problem, nominal: NominalRun) -> StateSamples:
-    """Return states of all fitted episodes.
+    """Return states of all fitted episodes, where they are within the range of the readings.
 
     What is constant in one episode, such as a direction of motion, may differ between episodes. If
     the system has inputs, their signals are laid end to end, on a clock that is shifted from
     episode to episode. A system that depends on the time itself is sampled in its longest episode.
     """
     episodes, paths = problem.episodes, nominal.references
+    kept = [_within_range(episode, path) for episode, path in zip(episodes, paths, strict=True)]
     if len(episodes) == 1 or _depends_on_time(problem):
-        return StateSamples(problem.system, paths[0], problem.times)
+        return StateSamples(problem.system, paths[0][kept[0]], problem.times[kept[0]])
     stride = -(-sum(map(len, paths)) // max(MOST_SAMPLES, len(paths[0])))
     begin, clocks, signals = 0.0, [], []
-    for episode, path in zip(episodes, paths, strict=True):
+    for episode, path, mine in zip(episodes, paths, kept, strict=True):
         own = episode.times[: len(path)]
         shift = begin - float(own[0])
-        clocks.append(own[::stride] + shift)
+        clocks.append(own[mine][::stride] + shift)
         signals.append((episode.system.input_signals, shift, own.numpy()))
         # Between two episodes lies as much time as a sample takes.
         begin += 2 * float(own[-1] - own[0]) / max(1, len(own) - 1) + float(own[-1] - own[0])
-    states = torch.cat([path[::stride] for path in paths])
+    states = torch.cat([path[mine][::stride] for path, mine in zip(paths, kept, strict=True)])
     system = problem.system
     if system.inputs:
         system = System(system.config, system.where, _end_to_end(signals, list(system.inputs)))
     return StateSamples(system, states, torch.cat(clocks))
+
+
+def _within_range(episode: Problem, path: Tensor) -> Tensor:
+    """Return whether each sample is within the range of the readings; all, if too few are."""
+    near = distance_from_readings(episode, path) < FARTHEST
+    return near if int(near.sum()) >= FEWEST else torch.ones_like(near)
 
 
 def _end_to_end(

@@ -10,6 +10,7 @@ from dashred.core.errors import InputError
 from dashred.evaluation.foreign.document import document, read_stored, store_draw
 from dashred.evaluation.foreign.draw_file import Draw
 from dashred.evaluation.foreign.rows import PeerRow, Row
+from dashred.evaluation.foreign.score_case import LARGEST_GAIN, gain
 from dashred.evaluation.foreign.tables import detail_table, outcome_table, peer_table, percentile
 from tests.evaluation.foreign.invented import row
 
@@ -61,6 +62,20 @@ def test_details_count_what_is_asked() -> None:
     assert lines["95 % intervals that cover"].startswith("5/6")
 
 
+def test_a_simulation_that_diverges_counts_as_the_largest_gain() -> None:
+    assert gain({"simulation_refit": None, "corrected": 0.1}) == LARGEST_GAIN
+    assert gain({"simulation_refit": 0.6, "corrected": 0.1}) == pytest.approx(6.0)
+    assert gain({"simulation_refit": 0.6, "corrected": None}) is None
+    assert gain({}) is None
+
+
+def test_gains_of_forecasts_are_told() -> None:
+    rows = [row("a", gain_forecast=50.0), row("b", gain_forecast=0.5), row("c")]
+    lines = dict(detail_table(rows))
+    [name] = [each for each in lines if "forecast" in each]
+    assert "median of 2" in name and lines[name].startswith("25.2; 1/2")
+
+
 def test_peers_stand_beside_the_same_cases() -> None:
     def peer(right: bool | None) -> PeerRow:
         return PeerRow(right=right, told="", seconds=1.0, problem=None)
@@ -88,9 +103,14 @@ def test_every_case_that_is_not_right_is_listed() -> None:
     assert "4 of 10 cases are not right" in page
 
 
-def test_later_tags_add_sections_and_an_incomplete_draw_says_so() -> None:
+def test_the_newest_tag_comes_first_and_an_incomplete_draw_says_so() -> None:
     page = document([(facts("v1", 10), ROWS), (facts("v2", 12), ROWS)])
-    assert page.index("## Tag v1") < page.index("## Tag v2")
+    assert page.index("## Tag v2") < page.index("## Tag v1")
+    lines = [line for line in page.split("## Tag")[0].splitlines() if line.startswith("| v")]
+    assert [line.split(" | ")[:3] for line in lines] == [
+        ["| v2", "10 of 12", "6/10 = 60 % (31-83 %)"],
+        ["| v1", "10 of 10", "6/10 = 60 % (31-83 %)"],
+    ]
     assert page.count("The draw is incomplete") == 1
     assert "practice" not in page.split("## Protocol")[0]
     assert not re.search(r"\n\n\n", page)

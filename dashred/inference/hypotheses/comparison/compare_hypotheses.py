@@ -11,18 +11,19 @@ from dataclasses import replace
 
 from dashred.core.budget import Budget
 from dashred.core.progress import Report
-from dashred.inference.fit.law import Law, distinct_laws
+from dashred.inference.fit.law import distinct_laws
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.hypotheses.comparison.backward_elimination import eliminate_terms
 from dashred.inference.hypotheses.comparison.comparison import Additions, Comparison
 from dashred.inference.hypotheses.comparison.faults_beside_laws import (
     forcing_gain_beside,
     forcing_gain_over,
-    has_neighbouring_faults,
     is_curves_alone,
     refit_rivals_beside_faults,
     search_faults_beside_best,
 )
+from dashred.inference.hypotheses.comparison.fitted_hypotheses import FittedHypotheses
+from dashred.inference.hypotheses.comparison.forced_and_local import add_forced_and_local
 from dashred.inference.hypotheses.comparison.global_hypotheses import (
     fit_fault_hypotheses,
     fit_other_starts,
@@ -30,31 +31,22 @@ from dashred.inference.hypotheses.comparison.global_hypotheses import (
     under_same_prior,
     without_penalty,
 )
-from dashred.inference.hypotheses.comparison.local_and_extended import (
-    fit_local_and_extended,
-    fit_single_terms,
-)
 from dashred.inference.hypotheses.comparison.local_source import (
     SourceHypothesis,
-    fit_local_source,
     map_forcing,
 )
 from dashred.inference.hypotheses.comparison.noise_reestimation import (
     refit_under_best_noise,
 )
 from dashred.inference.hypotheses.comparison.residual_forcing import (
-    MAX_SIMPLE_TERMS,
     ResidualForcing,
     fit_residual_forcing,
 )
-from dashred.inference.hypotheses.extended.periodic_forcing import fit_periodic_laws
-from dashred.inference.hypotheses.free_forcing import fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import (
-    REJECTION_MARGIN,
     HypothesisFit,
     by_score,
 )
-from dashred.inference.hypotheses.result import MAX_EXPLAINED_CHI2, MIN_FORCING_GAIN
+from dashred.inference.hypotheses.result import MIN_FORCING_GAIN
 from dashred.inference.hypotheses.windows.threshold_likelihood import profile_threshold
 
 
@@ -129,123 +121,84 @@ def _compare_all(
     residual = fit_residual_forcing(
         full_problem, best, null, has_rivals, additions.tendency_rms, report
     )
-    forcing_gain = residual.forcing_gain
-    fits = list(with_faults)
+    hypotheses = FittedHypotheses(budget, list(with_faults))
     if residual.is_unclear:
         # Their noise is now that of the forcing.
-        fits = fit_fault_hypotheses(residual.best, residual.null, budget)
+        hypotheses.fits = fit_fault_hypotheses(residual.best, residual.null, budget)
     starts = fit_other_starts(residual.best, residual.null, budget)
-    if starts and is_of_other_shape(starts[0], fits):
+    if starts and is_of_other_shape(starts[0], hypotheses.fits):
         # Causes are then compared under its prior, which is no cause.
         start = without_penalty(starts[0])
         wide = full_problem.with_start(start.objective.forward_model.start)
         again = compare_hypotheses(wide, start, start, [], additions, budget, report)
         return replace(again, laws=[under_same_prior(law, start.law) for law in again.laws])
-    fits += starts
-    base_fits = residual.base_fits()
-    if residual.faulty:
-        fits += budget.attempt(
-            "the law with sensor faults", lambda: residual.add_faults(base_fits), []
-        )
-    nothing: list[HypothesisFit] = []
-    periodic_fits = budget.attempt(
-        "periodic forcings", lambda: _fit_periodic(residual, base_fits, additions), nothing
-    )
-    fits += periodic_fits
-    source = SourceHypothesis()
-    if residual.is_unclear:
-        source = budget.attempt(
-            "a localised source",
-            lambda: fit_local_source(
-                residual,
-                base_fits[-1],
-                min(fits, key=by_score),
-                additions.tendency_rms,
-                additions.global_count,
-                report,
-            ),
-            source,
-        )
-        fits += source.fits
-    leader = min(fits, key=by_score)
-    # A simple fit that explains the recording, under the noise that a free forcing leaves, needs no
-    # other terms. A source is compared with laws in a window: it may be a term in a region.
-    is_simple = len(leader.law.candidates) <= MAX_SIMPLE_TERMS and leader.law.source is None
-    # Neighbouring sensors that err may see a law that acts in a region.
-    is_simple = is_simple and not has_neighbouring_faults(leader)
-    if leader is not fits[0] and is_simple and leader.law.chi2 < MAX_EXPLAINED_CHI2:
-        forcing_gain = 0.0
-    elif source.is_clear:
-        forcing_gain = fit_free_forcing(leader.objective, leader.phi, additions.tendency_rms)[1]
-    elif residual.is_unclear:
-        more_fits, forcing_gain = fit_local_and_extended(
-            residual, additions, periodic_fits, budget, report
-        )
-        fits += more_fits
-    elif _may_be_local(residual.best.law):
-        report(0.4, "fitting single terms in a window or beyond the library")
-        fits += budget.attempt(
-            "single terms in a window or beyond the library",
-            lambda: fit_single_terms(residual, additions),
-            [],
-        )
-    fits += budget.attempt("laws without terms again", lambda: eliminate_terms(fits), [])
-    fits += budget.attempt(
+    hypotheses.fits += starts
+    source, forcing_gain = add_forced_and_local(hypotheses, residual, additions, report)
+    forcing_gain = _add_sensor_faults(hypotheses, residual, rivals, additions, forcing_gain)
+    return _conclude(hypotheses, residual, source, forcing_gain, report)
+
+
+def _add_sensor_faults(
+    hypotheses: FittedHypotheses,
+    residual: ResidualForcing,
+    rivals: Sequence[HypothesisFit],
+    additions: Additions,
+    forcing_gain: float,
+) -> float:
+    """Add sensor faults beside the best law, and refit all under the noise that the best leaves.
+
+    Args:
+        hypotheses: fits so far, updated.
+        residual: the best law that acts everywhere and the free forcings on top of it.
+        rivals: other laws that act everywhere and do about as well as the best.
+        additions: what may be added.
+        forcing_gain: evidence for a free forcing on top of the best hypothesis.
+
+    Returns:
+        The evidence for a free forcing, without the faulty sensors.
+    """
+    hypotheses.add("laws without terms again", lambda: eliminate_terms(hypotheses.fits))
+    hypotheses.add(
         "rivals beside a sensor fault",
-        lambda: refit_rivals_beside_faults(residual, fits, rivals),
-        [],
+        lambda: refit_rivals_beside_faults(residual, hypotheses.fits, rivals),
     )
     searched = {fit.law.parts for fit in (residual.best, residual.null)}
-    found = budget.attempt(
+    found = hypotheses.add(
         "sensor faults beside the best law",
-        lambda: search_faults_beside_best(fits, searched),
-        nothing,
+        lambda: search_faults_beside_best(hypotheses.fits, searched),
     )
-    fits += found
     if found and forcing_gain > MIN_FORCING_GAIN:
-        best_with_faults = min(found, key=by_score)
-        forcing_gain = forcing_gain_beside(best_with_faults, additions.tendency_rms)
-    if residual.is_unclear or min(fits, key=by_score).faults:
-        fits = budget.attempt(
-            "refits under the noise of the best law", lambda: refit_under_best_noise(fits), fits
-        )
-        fits += budget.attempt(
+        forcing_gain = forcing_gain_beside(min(found, key=by_score), additions.tendency_rms)
+    if residual.is_unclear or hypotheses.leader.faults:
+        hypotheses.replace_all("refits under the noise of the best law", refit_under_best_noise)
+        hypotheses.add(
             "sensor faults under the noise of the best law",
-            lambda: search_faults_beside_best(fits, set()),
-            [],
+            lambda: search_faults_beside_best(hypotheses.fits, set()),
         )
-    uncorrected = min((fit for fit in fits if not fit.law.parts), key=by_score)
-    best_fit = min(fits, key=by_score)
-    if residual.forcing_alone is not None and is_curves_alone(best_fit.law):
-        over_faults = forcing_gain_over(best_fit, uncorrected, residual.forcing_alone)
+    return forcing_gain
+
+
+def _conclude(
+    hypotheses: FittedHypotheses,
+    residual: ResidualForcing,
+    source: SourceHypothesis,
+    forcing_gain: float,
+    report: Report,
+) -> Comparison:
+    """Return all hypotheses, ranked, with a map of the forcing if something is unexplained."""
+    best, uncorrected = hypotheses.leader, hypotheses.uncorrected
+    if residual.forcing_alone is not None and is_curves_alone(best.law):
+        over_faults = forcing_gain_over(best, uncorrected, residual.forcing_alone)
         forcing_gain = max(forcing_gain, over_faults)
-    laws = distinct_laws([profile_threshold(fit) if fit is best_fit else fit.law for fit in fits])
-    noise = uncorrected.objective.noise
+    laws = distinct_laws(
+        [profile_threshold(fit) if fit is best else fit.law for fit in hypotheses.fits]
+    )
     forcing_map, located = residual.forcing_map, laws[0].source
     if located is not None or forcing_gain > MIN_FORCING_GAIN:
         report(0.9, "mapping the forcing in space and time")
         forcing_map = map_forcing(residual, forcing_gain, located)
         located = located or source.located
-    forced_noise = residual.full_problem.noise
+    noise, forced_noise = uncorrected.objective.noise, residual.full_problem.noise
     return Comparison(
         laws, uncorrected.law, noise, forced_noise, forcing_gain, forcing_map, located
     )
-
-
-def _may_be_local(law: Law) -> bool:
-    """Tell whether a single term in a window, or one beyond the library, may rival a law."""
-    is_local = law.source is not None or law.window is not None
-    return is_local or len(law.candidates) >= MAX_SIMPLE_TERMS
-
-
-def _fit_periodic(
-    residual: ResidualForcing, base_fits: Sequence[HypothesisFit], additions: Additions
-) -> list[HypothesisFit]:
-    """Return laws with a forcing that is periodic in time."""
-    bound = min(base.law.score for base in base_fits) + REJECTION_MARGIN
-    periodic_fits = [
-        fit
-        for base in base_fits
-        for fit in fit_periodic_laws(base, additions.tendency_rms, additions.global_count, bound)
-    ]
-    return residual.add_faults(periodic_fits)

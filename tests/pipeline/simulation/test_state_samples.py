@@ -1,0 +1,77 @@
+"""Terms get their scales where the simulation is within the range of the recording."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from dashred.config import load_config
+from dashred.inference.forward.candidates import build_candidates
+from dashred.pipeline.build_problem import build_problem
+from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation.nominal_run import NominalRun, simulate_nominal
+from dashred.pipeline.simulation.reading_range import distance_from_readings
+from dashred.pipeline.simulation.state_samples import FARTHEST, state_samples
+from tests.pipeline.simulation.conftest import SHORT_RUN
+from tests.ring_recording import write_ring_recording
+
+SYSTEM = """
+system:
+  title: growth with diffusion
+  axes: {x: {length: 10, points: 32}}
+  fields: {u: amount}
+  equations: {u: 0.1*lap(u) + 0.6*uSATURATION}
+  start: {u: 0.2 + 0.15*cos(2*pi*x/10)}
+  spread: {u: 0.02}
+  integrator: {dt: 0.02}
+"""
+REST = "\nrecording: {path: recording.csv, sensors: sensors.csv}" + SHORT_RUN
+TIMES = torch.linspace(0, 4, 61, dtype=torch.float64)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Problem, NominalRun]:
+    """A simulator without its saturation, whose run drifts away from the recording."""
+    folder = tmp_path_factory.mktemp("drift")
+    complete = SYSTEM.replace("SATURATION", " - u**3")
+    write_ring_recording(folder, complete, (0.2, 0.15), TIMES, 8, 0.01)
+    (folder / "drift.yaml").write_text(SYSTEM.replace("SATURATION", "") + REST)
+    problem = build_problem(load_config([f"conf={folder / 'drift.yaml'}"], entry="test"))
+    return problem, simulate_nominal(problem, {})
+
+
+def test_samples_within_the_range_of_the_recording_are_kept(
+    runs: tuple[Problem, NominalRun],
+) -> None:
+    problem, nominal = runs
+    away = distance_from_readings(problem, nominal.states)
+    samples = state_samples(problem, nominal)
+    assert 20 <= len(samples.times) < len(nominal.states)
+    assert torch.equal(samples.times, problem.times[away < FARTHEST])
+    assert torch.equal(samples.states, nominal.states[away < FARTHEST])
+
+
+def test_the_scale_of_a_saturation_admits_its_coefficient(
+    runs: tuple[Problem, NominalRun],
+) -> None:
+    problem, nominal = runs
+    samples = state_samples(problem, nominal)
+    found = {
+        name: next(
+            candidate.scale
+            for candidate in build_candidates(problem.system, problem.library, states, times)
+            if str(candidate) == "u: u**3"
+        )
+        for name, states, times in (
+            ("within", samples.states, samples.times),
+            ("everywhere", nominal.states, problem.times),
+        )
+    }
+    assert found["within"] > 0.5 and found["everywhere"] < 0.25
+
+
+def test_a_run_that_is_not_finite_is_infinitely_far(runs: tuple[Problem, NominalRun]) -> None:
+    problem, nominal = runs
+    states = nominal.states.clone()
+    states[-1, 0, 3] = torch.nan
+    assert distance_from_readings(problem, states)[-1] == torch.inf

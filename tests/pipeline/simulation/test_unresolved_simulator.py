@@ -1,0 +1,68 @@
+"""A simulator that lacks its dissipation is not resolved; smooth states along the readings are."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+
+from dashred.config import load_config
+from dashred.pipeline.build_problem import build_problem
+from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation.nominal_run import (
+    NominalRun,
+    can_be_corrected,
+    corrected_towards_readings,
+    simulate_nominal,
+)
+from dashred.pipeline.simulation.resolution_check import check_discretisation
+from tests.pipeline.simulation.conftest import SHORT_RUN
+from tests.ring_recording import write_ring_recording
+
+SYSTEM = """
+system:
+  title: steepening waves
+  axes: {x: {length: 10, points: 48}}
+  fields: {u: velocity}
+  equations: {u: -u*d(u, x)VISCOSITY}
+  start: {u: 1 + 0.6*cos(2*pi*x/10)}
+  spread: {u: 0.02}
+  integrator: {dt: 0.01}
+"""
+REST = "\nrecording: {path: recording.csv, sensors: sensors.csv}" + SHORT_RUN
+TIMES = torch.linspace(0, 8, 81, dtype=torch.float64)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Problem, NominalRun]:
+    """The simulator without its viscosity, in which shocks form, beside a recording."""
+    folder = tmp_path_factory.mktemp("waves")
+    complete = SYSTEM.replace("VISCOSITY", " + 0.2*lap(u)")
+    write_ring_recording(folder, complete, (1.0, 0.6), TIMES, 8, 0.01)
+    (folder / "waves.yaml").write_text(SYSTEM.replace("VISCOSITY", "") + REST)
+    problem = build_problem(load_config([f"conf={folder / 'waves.yaml'}"], entry="test"))
+    return problem, simulate_nominal(problem, {})
+
+
+def test_its_own_run_is_not_resolved_and_smooth_states_are(
+    runs: tuple[Problem, NominalRun],
+) -> None:
+    problem, nominal = runs
+    own = check_discretisation(problem, nominal, {})
+    assert not own.resolved and own.enough is None
+    along = corrected_towards_readings(problem, nominal, {})
+    assert can_be_corrected(problem, nominal) and not can_be_corrected(problem, along)
+    found = check_discretisation(problem, along, {})
+    assert found.resolved and found.is_early
+
+
+def test_smooth_states_follow_the_readings(runs: tuple[Problem, NominalRun]) -> None:
+    problem, nominal = runs
+    along = corrected_towards_readings(problem, nominal, {})
+    [states] = along.restarted
+    assert states.shape == nominal.states.shape
+    fit = problem.split.fit
+    apart = problem.operator(fit)(states[: len(fit.times)]).numpy() - fit.values
+    assert (apart**2).mean() ** 0.5 < 0.1 * fit.values.std()
+    waves = torch.fft.rfft(states[:, 0]).abs()
+    kept = len(nominal.prior.basis)
+    assert float(waves[:, kept:].max()) < 1e-9 * float(waves.max())
