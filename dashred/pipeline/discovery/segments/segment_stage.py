@@ -31,6 +31,7 @@ from dashred.pipeline.discovery.segments.segment_search import STAGE
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.simulation.numerical_error import VISIBLE, numerical_error, sufficient_step
+from dashred.pipeline.simulation.program_cost import follows_segments
 from dashred.pipeline.simulation.segmented_record import can_restart
 
 # Laws that are reported, and how far from the best.
@@ -91,8 +92,8 @@ def _search_with_own_step(
 ) -> tuple[Problem, SegmentSearch]:
     """Search again with a shorter time step if the law needs one, and the step was not stated.
 
-    The step was chosen for the simulation without the law. The search is not begun if it would not
-    come to its end.
+    The step was chosen for the simulation without the law. With an expensive program, the search is
+    not begun if it would not come to its end.
 
     Args:
         problem: recording, system and library.
@@ -111,7 +112,8 @@ def _search_with_own_step(
     if dt is None:
         return problem, found
     finer = problem.with_step(dt, f"then {dt:.6g}, which the law needs")
-    if finer.deadline(STAGE).is_over_in(took * problem.system.dt / dt):
+    longer = took * problem.system.dt / dt
+    if follows_segments(finer) and finer.deadline(STAGE).is_over_in(longer):
         problem.budget.leave_out(f"the time step of {dt:.6g} that the law needs")
         return problem, found
     searched, better = _search_about_parameters(finer, nominal)
