@@ -220,10 +220,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return a folder as a reader's may be: with `conf/`, and with what is called the reader's own.
 
     `my.csv` is a swing that dies away; `mine.yaml` is a simulation of it; `swing.nc` is written as
-    the page on the reader's own system says.
+    the page on the reader's own system says. The examples of programs are there, too.
     """
     (tmp_path / "docs").mkdir()
     (tmp_path / "conf").symlink_to(CHECKOUT / "conf")
+    shutil.copytree(CHECKOUT / "docs" / "examples", tmp_path, dirs_exist_ok=True)
     rows = ["time,theta,omega"]
     for t in (0.05 * i for i in range(200)):
         rows.append(f"{t:.2f},{exp(-t / 40) * cos(8 * t):.4f},{-8 * exp(-t / 40) * sin(8 * t):.4f}")
