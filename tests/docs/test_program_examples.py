@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from dashred.config import load_config
 from dashred.physics.external.protocol import Program
 from dashred.physics.system import System
 from tests.conftest import CHECKOUT
+from tests.documents import snippets
 
 
 @pytest.fixture(autouse=True)
@@ -22,6 +24,14 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     return tmp_path
+
+
+def test_the_page_shows_the_files() -> None:
+    page = CHECKOUT / "docs" / "program-examples.md"
+    [code], [text] = snippets(page, "python"), snippets(page, "yaml")
+    written = re.sub(r'    """.*"""\n', "", Path("burgers.py").read_text(encoding="utf-8"))
+    assert code in written
+    assert Path("channel.yaml").read_text(encoding="utf-8").startswith(text)
 
 
 def opened(path: str, name: str) -> tuple[System, Program]:
