@@ -117,11 +117,15 @@ def arguments(words: list[str]) -> list[str]:
 def train_words(words: list[str], folder: Path) -> None:
     """Read the words of an analysis; what they name need not be there yet.
 
-    A class that is trusted would be imported, and the reader's own is not here.
+    A class that is trusted would be imported, and the reader's own is not here. A program is not.
     """
     from dashred.config import load_config
 
-    load_config([w for w in arguments(words) if not w.startswith("trust=")], entry="train")
+    given = arguments(words)
+    system = folder / given[0].removeprefix("conf=")
+    if not (system.is_file() and "simulator:" in system.read_text(encoding="utf-8")):
+        given = [word for word in given if not word.startswith("trust=")]
+    load_config(given, entry="train")
 
 
 def resume_words(words: list[str], folder: Path) -> None:
