@@ -5,21 +5,20 @@ from math import ceil, pi
 
 import exponax as ex
 import jax
-import jax.numpy as jnp
 
 LONGEST = 0.02
 
 
 @lru_cache
 def stepper(dt, nu, points):
-    """Return a compiled function of states ``(batch, 1, points)``."""
+    """Return a compiled function of states ``(*batch, points)``."""
     count = ceil(dt / LONGEST - 1e-9)
     one = ex.stepper.Burgers(1, 2 * pi, points, dt / count, diffusivity=nu, convection_scale=1.0)
-    return jax.jit(jax.vmap(ex.repeat(one, count)))
+    many = jax.vmap(ex.repeat(one, count))
+    return jax.jit(lambda u: many(u.reshape(-1, 1, points)).reshape(u.shape))
 
 
 def step(state, t, dt, inputs, parameters):
     """Return the state at ``t + dt``, or a batch of states."""
-    u = jnp.asarray(state["u"])
-    advance = stepper(float(dt), float(parameters["nu"]), u.shape[-1])
-    return {"u": advance(u.reshape(-1, 1, u.shape[-1])).reshape(u.shape)}
+    u = state["u"]
+    return {"u": stepper(float(dt), float(parameters["nu"]), u.shape[-1])(u)}
