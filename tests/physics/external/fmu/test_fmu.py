@@ -91,7 +91,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "type": ({"fields": "x v n"}, "n is Integer, but the field n is a real number"),
     "kind": ({"kinds": "CoSimulation", "interface": "model-exchange"}, "offers co-simulation, not"),
     "none": ({"kinds": ""}, "offers neither model exchange nor co-simulation"),
-    "platform": ({"platform": "win64"}, "has binaries for .*, not for"),
+    "platform": ({"platform": "win64"}, "has (no binaries|binaries for .*, not) for"),
 }
 
 
