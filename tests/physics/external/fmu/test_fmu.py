@@ -30,7 +30,9 @@ def opened(path: Path, fields: str = "x v", others: str = "k c n f", **over: Any
     return SteppedProgram(adapter, Grid(()), keep=False)
 
 
-def stepped(program: SteppedProgram, parameters: dict[str, float] = PARAMETERS, dt: float = 0.2):
+def stepped(
+    program: SteppedProgram, parameters: dict[str, float] = PARAMETERS, dt: float = 0.2
+) -> np.ndarray:
     each = np.ones(3)
     f = np.array([0.0, 1.0, -1.0])
     return program.step(STATES, np.arange(3.0), dt * each, {"f": f}, parameters)
