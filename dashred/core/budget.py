@@ -30,7 +30,11 @@ class Deadline:
     @property
     def is_over(self) -> bool:
         """Whether the time is up."""
-        return time.monotonic() > self.at
+        return self.is_over_in(0.0)
+
+    def is_over_in(self, seconds: float) -> bool:
+        """Whether the time is up after so many seconds from now."""
+        return time.monotonic() + seconds > self.at
 
     def within(self, seconds: float) -> Deadline:
         """Return the deadline, or the time after so many seconds from now if that is earlier."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,12 +29,14 @@ class ForcingBasis:
         knots: times between which the courses are linear, ``(knot,)``.
         courses: h at the knots, ``(knot, course)``.
         fields: number of forced equations.
+        mesh: number of cells along each axis, if the bumps are those of :meth:`over`.
     """
 
     bumps: Tensor
     knots: Tensor
     courses: Tensor
     fields: int
+    mesh: tuple[int, ...] = ()
 
     @classmethod
     def over(cls, system: System, times: Tensor, cells: int, knots: int) -> ForcingBasis:
@@ -42,21 +45,23 @@ class ForcingBasis:
         Args:
             system: with the grid.
             times: the earliest and the latest are the first and the last knot.
-            cells: number of cells along every axis.
+            cells: number of cells along every axis if these are equally long, see
+                :func:`square_mesh`.
             knots: number of knots in time.
         """
+        mesh = square_mesh([axis.length for axis in system.axes], cells)
         bumps = torch.ones((1, *system.grid.shape), dtype=torch.float64)
         coordinates, sides = system.grid.coordinates, system.grid.sides
-        for axis in system.axes:
+        for axis, count in zip(system.axes, mesh, strict=True):
             x = coordinates[axis.name]
-            along = torch.stack([_bump(axis, x, j, cells) for j in range(cells)])
+            along = torch.stack([_bump(axis, x, j, count) for j in range(count)])
             along = along / along.sum(dim=0)
             if axis.ends == "fixed":
                 along = along * sides[side(axis.name)]
             bumps = (bumps[:, None] * along[None]).flatten(0, 1)
         peaks = knots_over(times, knots)
         hats = torch.eye(knots, dtype=torch.float64)
-        return cls(bumps, peaks, hats, len(system.fields))
+        return cls(bumps, peaks, hats, len(system.fields), mesh)
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -125,14 +130,33 @@ def knots_over(times: Tensor, count: int) -> Tensor:
     return torch.linspace(*ends, count, dtype=torch.float64)
 
 
-def cell_centres(system: System, cells: int) -> Tensor:
-    """Return the centres of the cells in the order of the basis, ``(cell, axis)``."""
+def square_mesh(lengths: Sequence[float], cells: int) -> tuple[int, ...]:
+    """Return the numbers of cells along axes, whose cells have about equal sides.
+
+    There are about ``cells`` to the power of the number of axes in all: with cells as long as the
+    domain is, a source in a long channel would be narrower than every cell.
+
+    Args:
+        lengths: of the axes.
+        cells: number of cells along every axis if they are equally long.
+    """
+    total, volume = float(cells ** len(lengths)), math.prod(lengths)
+    found = [1] * len(lengths)
+    # The shortest axis first: the others share what it does not take.
+    for rank, index in enumerate(sorted(range(len(lengths)), key=lambda i: lengths[i])):
+        side = (volume / total) ** (1 / (len(lengths) - rank))
+        found[index] = max(1, round(lengths[index] / side))
+        total, volume = total / found[index], volume / lengths[index]
+    return tuple(found)
+
+
+def cell_centres(system: System, mesh: Sequence[int]) -> Tensor:
+    """Return the centres of the cells of a mesh in the order of the basis, ``(cell, axis)``."""
     if not system.axes:
         return torch.zeros((1, 0), dtype=torch.float64)
-    cells_along = round(cells ** (1 / len(system.axes)))
     centres = [
-        (torch.arange(cells_along, dtype=torch.float64) + 0.5) * axis.length / cells_along
-        for axis in system.axes
+        (torch.arange(count, dtype=torch.float64) + 0.5) * axis.length / count
+        for axis, count in zip(system.axes, mesh, strict=True)
     ]
     return torch.stack(torch.meshgrid(*centres, indexing="ij"), dim=-1).flatten(0, -2)
 

@@ -42,6 +42,9 @@ ENDS_OF_SEGMENTS = ENDS | {
 # Share of the whole time that a stage may take, though others have left more: what it looks for is
 # rare, and is looked for again beside the law.
 LONGEST = {"look for a local cause": 0.12}
+# The free runs of a law: their number, and their length in lengths of the record. The stages before
+# them end early enough for those of an expensive program, but not before this share of the time.
+FREE_RUNS, FREE_LENGTH, LEAST = 4, 1.5, 0.5
 # Simulations of the record that a fit of one trajectory takes, its derivatives included, and the
 # share of the budget that they may take.
 SIMULATIONS, SHARE = 200, 0.5
@@ -66,7 +69,15 @@ def takes_too_long(system: System, times: Tensor, budget: Budget) -> bool:
 
 def ends_of(system: System, times: Tensor, budget: Budget) -> Mapping[str, float]:
     """Return the share of the whole time after which each stage ends."""
-    return ENDS_OF_SEGMENTS if takes_too_long(system, times, budget) else ENDS
+    if system.program is None or not takes_too_long(system, times, budget):
+        return ENDS
+    calls = FREE_LENGTH * calls_per_simulation(system, times)
+    free = calls * system.program.seconds_of(FREE_RUNS) / budget.seconds
+    before = ENDS["compare hypotheses"]
+    latest = max(ENDS["draw figures"] - free, LEAST)
+    return {
+        stage: min(end, latest) if end <= before else end for stage, end in ENDS_OF_SEGMENTS.items()
+    }
 
 
 def begin_budget(config: Config) -> Budget:

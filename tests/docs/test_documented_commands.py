@@ -117,11 +117,15 @@ def arguments(words: list[str]) -> list[str]:
 def train_words(words: list[str], folder: Path) -> None:
     """Read the words of an analysis; what they name need not be there yet.
 
-    A class that is trusted would be imported, and the reader's own is not here.
+    A class that is trusted would be imported, and the reader's own is not here. A program is not.
     """
     from dashred.config import load_config
 
-    load_config([w for w in arguments(words) if not w.startswith("trust=")], entry="train")
+    given = arguments(words)
+    system = folder / given[0].removeprefix("conf=")
+    if not (system.is_file() and "simulator:" in system.read_text(encoding="utf-8")):
+        given = [word for word in given if not word.startswith("trust=")]
+    load_config(given, entry="train")
 
 
 def resume_words(words: list[str], folder: Path) -> None:
@@ -220,10 +224,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return a folder as a reader's may be: with `conf/`, and with what is called the reader's own.
 
     `my.csv` is a swing that dies away; `mine.yaml` is a simulation of it; `swing.nc` is written as
-    the page on the reader's own system says.
+    the page on the reader's own system says. The examples of programs are there, too.
     """
     (tmp_path / "docs").mkdir()
     (tmp_path / "conf").symlink_to(CHECKOUT / "conf")
+    shutil.copytree(CHECKOUT / "docs" / "examples", tmp_path, dirs_exist_ok=True)
     rows = ["time,theta,omega"]
     for t in (0.05 * i for i in range(200)):
         rows.append(f"{t:.2f},{exp(-t / 40) * cos(8 * t):.4f},{-8 * exp(-t / 40) * sin(8 * t):.4f}")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
+from dashred.physics.forcing_basis import ForcingBasis, SampledForcing, square_mesh
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.compiled_simulator import InterpretedSystem, compile_system
 from dashred.physics.solvers.forcing import Forcing
@@ -53,6 +53,20 @@ def test_equal_amplitudes_are_a_constant(wave: System) -> None:
     np.testing.assert_allclose(forcing_basis.hats(times).sum(axis=-1), 1.0)
     values = forcing_basis.at_knots(torch.full((3, 2, 5, 4), 0.7, dtype=torch.float64))
     torch.testing.assert_close(values, torch.full((3, 4, 2, 32), 0.7).double())
+
+
+@pytest.mark.parametrize(
+    ("lengths", "cells", "mesh"),
+    [
+        ([], 1, ()),
+        ([38.0], 12, (12,)),
+        ([6.3, 6.3], 4, (4, 4)),
+        ([4.0, 1.0], 4, (8, 2)),
+        ([1.0, 100.0], 4, (1, 16)),
+    ],
+)
+def test_cells_have_equal_sides(lengths: list[float], cells: int, mesh: tuple[int, ...]) -> None:
+    assert square_mesh(lengths, cells) == mesh
 
 
 def test_a_bump_lies_in_its_cell_and_across_the_ends(wave: System) -> None:

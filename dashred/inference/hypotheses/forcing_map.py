@@ -44,7 +44,7 @@ def build_forcing_map(forcing: FreeForcing, gain: float) -> ForcingMap | None:
     stds = variance.clamp(min=0).sqrt().reshape(basis.shape)
     system = forcing.objective.forward_model.simulator.system
     return ForcingMap(
-        cell_centres(system, len(basis.bumps)),
+        cell_centres(system, basis.mesh),
         basis.knots,
         forcing.amplitudes / size,
         stds / size,

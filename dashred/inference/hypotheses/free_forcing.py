@@ -24,6 +24,9 @@ from dashred.physics.forcing_basis import ForcingBasis
 CELLS, KNOTS = (1, 12, 4), 13
 # Choices of the prior std of an amplitude, as shares of the equation's tendency; 0: no forcing.
 LEVELS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)
+# Choices where the largest of these loses the recording: a source at one place may be far stronger
+# than what the simulator does on average.
+STRONG_LEVELS = (3.0, 10.0, 30.0)
 # Used in place of 0 to keep the prior regular.
 ZERO_LEVEL = 1e-6
 ROUNDS, STEPS, TOLERANCE = 3, 2, 0.01
@@ -140,6 +143,9 @@ def fit_forcing_nearby(
     whole, begin = _forced_problem(objective, phi, block)
     equations = range(len(tendency_rms))
     forcing = _fit_levels(whole, block, begin, equations, whole.linearise(begin))
+    if _has_lost_recording(forcing) and LEVELS[-1] in forcing.levels:
+        strong = LEVELS + STRONG_LEVELS
+        forcing = _fit_levels(whole, block, forcing.phi, equations, forcing.normal, strong)
     return None if _has_lost_recording(forcing) else forcing
 
 
@@ -184,6 +190,7 @@ def _fit_levels(
     phi: Tensor,
     equations: Sequence[int],
     normal: NormalEquations,
+    choices: Sequence[float] = LEVELS,
 ) -> FreeForcing:
     """Fit initial state, law and forcing; the evidence chooses the levels of the forcing.
 
@@ -195,10 +202,11 @@ def _fit_levels(
         phi: unknowns at which the fit begins.
         equations: indices of the equations that are forced.
         normal: F linearised at ``phi``.
+        choices: levels to choose from.
     """
     levels: tuple[float, ...] = ()
     for _ in range(ROUNDS):
-        before, levels = levels, _best_levels(normal, block, equations)
+        before, levels = levels, _best_levels(normal, block, equations, choices)
         objective = _with_levels(objective, block, levels)
         if not any(levels):
             break
@@ -243,16 +251,21 @@ def fit_free_forcing(
 
 
 def _best_levels(
-    normal: NormalEquations, block: ForcingBlock, equations: Sequence[int]
+    normal: NormalEquations,
+    block: ForcingBlock,
+    equations: Sequence[int],
+    choices: Sequence[float],
 ) -> tuple[float, ...]:
     """Return the level of each equation with the best evidence."""
-    choices = _level_combinations(equations, len(block.size))
-    return min(choices, key=lambda levels: _evidence_of_levels(normal, block, levels))
+    combinations = _level_combinations(equations, len(block.size), choices)
+    return min(combinations, key=lambda levels: _evidence_of_levels(normal, block, levels))
 
 
-def _level_combinations(equations: Sequence[int], fields: int) -> list[tuple[float, ...]]:
+def _level_combinations(
+    equations: Sequence[int], fields: int, choices: Sequence[float] = LEVELS
+) -> list[tuple[float, ...]]:
     """Return all combinations of levels of the equations."""
-    return list(product(*(LEVELS if e in equations else LEVELS[:1] for e in range(fields))))
+    return list(product(*(choices if e in equations else choices[:1] for e in range(fields))))
 
 
 def _evidence_of_levels(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 from dashred.core.budget import OutOfTimeError
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.time_shares import calls_per_simulation, takes_too_long
@@ -35,5 +33,5 @@ def check_time(problem: Problem, members: int, stage: str) -> None:
     if system.program is not None:
         calls = calls_per_simulation(system, problem.times)
         seconds = calls * system.program.seconds_of(members) / UNCERTAINTY
-    if time.monotonic() + seconds > problem.deadline(stage).at:
+    if problem.deadline(stage).is_over_in(seconds):
         raise OutOfTimeError

@@ -14,9 +14,9 @@ from dashred.inference.hypotheses.free_forcing import FreeForcing
 from dashred.inference.hypotheses.result import MAX_EXPLAINED_CHI2
 from dashred.inference.hypotheses.sources.courses import Periodic
 from dashred.inference.hypotheses.sources.screening import (
-    WIDEST,
     ScreenedSource,
     screen_sources,
+    widest_bump,
 )
 from dashred.inference.hypotheses.sources.smooth_forcing import (
     LinearisedForcing,
@@ -111,7 +111,7 @@ def best_source(
     bound = screened[0].score + NEAR * (constant - screened[0].score)
     promising = [each for each in screened if each.score < bound]
     fit, penalty = _best_fit(null, forcing.phi[: null.modes], promising, size, tolerance)
-    if fit.source.bump.width > WIDEST * min(axis.length for axis in system.axes):
+    if fit.source.bump.width > widest_bump(system):
         return None
     share = 1 - max(fit.chi2 - count, 0.0) / max(misfit - count, 1.0)
     return FoundSource(fit, penalty, share) if share > MIN_EXPLAINED_SHARE else None

@@ -20,7 +20,7 @@ from dashred.inference.hypotheses.sources.smooth_forcing import LinearisedForcin
 from dashred.physics.forcing_basis import cell_centres
 from dashred.physics.system import System
 
-# Widths of the bumps, in cells, and the largest as a share of the shortest axis.
+# Widths of the bumps, in cells, and the largest as a share of the mean length of the axes.
 WIDTHS, WIDEST = (0.5, 0.8, 1.3, 2.0, 3.2), 0.2
 # Step between frequencies, in periods over the record, and the fewest knots in a period.
 FREQUENCY_STEP, KNOTS_PER_PERIOD = 0.1, 2.5
@@ -90,7 +90,7 @@ def screen_sources(
     """
     problem = ProfiledProblem.from_normal_equations(fine.normal, fine.own)
     system = fine.objective.forward_model.simulator.system
-    bumps = list(_bumps(system, len(fine.block.basis.bumps)))
+    bumps = list(_bumps(system, fine.block.basis.mesh))
     best: dict[object, ScreenedSource] = {}
     for equation in equations:
         for kind, found in _screen_equation(fine, problem, bumps, equation, candidate_count):
@@ -113,7 +113,7 @@ def _screen_equation(
         equation, :, :, equation
     ]
     target = problem.target.reshape(fields, cells, knots)[equation]
-    centres = cell_centres(system, cells)
+    centres = cell_centres(system, basis.mesh)
     weights = torch.stack([bump.at(centres, system) for bump in bumps])
     half = torch.tensordot(weights, gram, dims=1)
     by_bump = torch.einsum("vkdl,vd->vkl", half, weights)
@@ -159,15 +159,19 @@ def _independent(kind: object) -> float:
     return FREQUENCY_STEP if kind in HARMONICS else 1.0
 
 
-def _bumps(system: System, cells: int) -> Iterator[Bump]:
+def _bumps(system: System, mesh: Sequence[int]) -> Iterator[Bump]:
     """Yield bumps of several widths about the centre of every cell."""
-    along = round(cells ** (1 / len(system.axes)))
-    shortest = min(axis.length for axis in system.axes)
-    spacing = max(axis.length / along for axis in system.axes)
+    spacing = max(axis.length / count for axis, count in zip(system.axes, mesh, strict=True))
     for width in WIDTHS:
-        if width * spacing <= WIDEST * shortest:
-            for centre in cell_centres(system, cells).tolist():
+        if width == WIDTHS[0] or width * spacing <= widest_bump(system):
+            for centre in cell_centres(system, mesh).tolist():
                 yield Bump(tuple(centre), width * spacing)
+
+
+def widest_bump(system: System) -> float:
+    """Return the largest width of a localised source."""
+    lengths = [axis.length for axis in system.axes]
+    return WIDEST * math.prod(lengths) ** (1 / len(lengths))
 
 
 def _courses(knots: Tensor) -> dict[object, list[Course]]:

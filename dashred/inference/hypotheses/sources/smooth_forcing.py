@@ -7,6 +7,7 @@ are chosen by the evidence. A coarse free forcing gives the trajectory to linear
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -134,7 +135,7 @@ def fit_smooth_forcing(fine: LinearisedForcing, levels: tuple[float, ...]) -> Sm
     best = math.inf, fine, torch.empty(0), torch.empty(0), levels
     for along, later in product(LENGTHS if system.axes else LENGTHS[:1], LENGTHS):
         cells, knots = (
-            _modes_in_space(system, len(block.basis.bumps), along),
+            _modes_in_space(system, block.basis.mesh, along),
             modes_in_time(len(block.basis.knots), later),
         )
         smooth = _with_modes(fine, cells, knots)
@@ -163,7 +164,7 @@ def build_smooth_map(smooth: SmoothForcing, gain: float) -> ForcingMap:
     """Return the map of a smooth forcing in cells and at knots."""
     basis, size = smooth.forcing.block.basis, smooth.forcing.block.size[:, None, None]
     system = smooth.forcing.objective.forward_model.simulator.system
-    centres = cell_centres(system, len(smooth.cells))
+    centres = cell_centres(system, basis.mesh)
     return ForcingMap(centres, basis.knots, smooth.amplitudes / size, smooth.stds / size, gain)
 
 
@@ -213,18 +214,17 @@ def _precision(fine: LinearisedForcing, levels: tuple[float, ...]) -> Tensor:
     return torch.cat([fine.normal.precision[: fine.own], stds**-2])
 
 
-def _modes_in_space(system: System, cells: int, length: float) -> Tensor:
+def _modes_in_space(system: System, mesh: Sequence[int], length: float) -> Tensor:
     """Return the modes of a Gaussian process over the cells, ``(cell, mode)``."""
     if not system.axes:
         return torch.ones((1, 1), dtype=torch.float64)
-    centres = cell_centres(system, cells)
-    along = round(cells ** (1 / len(system.axes)))
-    squares = torch.zeros((cells, cells), dtype=torch.float64)
+    centres = cell_centres(system, mesh)
+    squares = torch.zeros((len(centres), len(centres)), dtype=torch.float64)
     for index, axis in enumerate(system.axes):
         apart = (centres[:, None, index] - centres[None, :, index]).abs()
         if axis.periodic:
             apart = torch.minimum(apart, axis.length - apart)
-        squares += (apart * along / axis.length) ** 2
+        squares += (apart * mesh[index] / axis.length) ** 2
     return _modes(torch.exp(-squares / (2 * length**2)))
 
 

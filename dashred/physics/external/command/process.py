@@ -13,6 +13,7 @@ from pathlib import Path
 
 from dashred.core.budget import duration
 from dashred.core.threads import is_given_up
+from dashred.physics.external.command.left_behind import marked_environment
 from dashred.physics.external.state_batch import ProgramError
 
 # Seconds between looks at whether a process is still waited for.
@@ -41,6 +42,7 @@ def run_process(words: list[str], folder: Path, seconds: float) -> None:
             process = subprocess.Popen(
                 words,
                 cwd=work,
+                env=marked_environment(),
                 stdin=subprocess.DEVNULL,
                 stdout=out,
                 stderr=err,

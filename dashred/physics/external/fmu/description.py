@@ -86,8 +86,9 @@ def read_description(
     if version[:1] not in ("2", "3"):
         raise InputError(f"{name} has FMI {version}, but 2 or 3 is needed", where=place)
     if fmpy.platform not in platforms:
-        told = ", ".join(platforms).replace("c-code", "sources") or "nothing"
-        what = f"{name} has binaries for {told}, not for {fmpy.platform}"
+        others = ", ".join(found for found in platforms if found != "c-code")
+        has = f"has binaries for {others}, not" if others else "has no binaries"
+        what = f"{name} {has} for {fmpy.platform}"
         raise InputError(what, where=place, hint="export it for this platform")
     offered = {
         "model-exchange": description.modelExchange,

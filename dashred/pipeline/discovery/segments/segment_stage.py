@@ -31,6 +31,7 @@ from dashred.pipeline.discovery.segments.segment_search import STAGE
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.simulation.numerical_error import VISIBLE, numerical_error, sufficient_step
+from dashred.pipeline.simulation.program_cost import follows_segments
 from dashred.pipeline.simulation.segmented_record import can_restart
 
 # Laws that are reported, and how far from the best.
@@ -55,9 +56,11 @@ def search_in_segments(
     if not can_restart(problem):
         return problem, None
     with stage(STAGE, seconds) as report, np.errstate(all="ignore"):
+        began = problem.budget.spent
         problem, found = _search_about_parameters(problem, nominal)
         if found is not None:
-            problem, found = _search_with_own_step(problem, nominal, found)
+            took = problem.budget.spent - began
+            problem, found = _search_with_own_step(problem, nominal, found, took)
         if found is None:
             report(1.0, "no set of terms could be fitted")
         else:
@@ -85,11 +88,18 @@ def _search_about_parameters(
 
 
 def _search_with_own_step(
-    problem: Problem, nominal: NominalRun, found: SegmentSearch
+    problem: Problem, nominal: NominalRun, found: SegmentSearch, took: float
 ) -> tuple[Problem, SegmentSearch]:
     """Search again with a shorter time step if the law needs one, and the step was not stated.
 
-    The step was chosen for the simulation without the law.
+    The step was chosen for the simulation without the law. With an expensive program, the search is
+    not begun if it would not come to its end.
+
+    Args:
+        problem: recording, system and library.
+        nominal: simulation that gives the prior of the start and the scales.
+        found: the laws.
+        took: seconds of the search that found them.
     """
     stated = problem.config.system.integrator.dt is not None
     if stated or problem.deadline(STAGE).is_over:
@@ -102,6 +112,10 @@ def _search_with_own_step(
     if dt is None:
         return problem, found
     finer = problem.with_step(dt, f"then {dt:.6g}, which the law needs")
+    longer = took * problem.system.dt / dt
+    if follows_segments(finer) and finer.deadline(STAGE).is_over_in(longer):
+        problem.budget.leave_out(f"the time step of {dt:.6g} that the law needs")
+        return problem, found
     searched, better = _search_about_parameters(finer, nominal)
     return (problem, found) if better is None else (searched, better)
 

@@ -19,6 +19,8 @@ from tests.channel import Channel
 
 PLACE, WIDTH, HEIGHT = 8.2, 0.4, 0.3
 FIRST = 6
+# Far more than the rms of the tendency of the channel, 0.06.
+STRONG = 10.0
 
 
 def first_part(channel: Channel, null: LeastSquaresProblem) -> FirstPart | None:
@@ -48,6 +50,13 @@ def test_a_steady_source_over_the_whole_record(channel: Channel) -> None:
     assert found.fit.source.bump.centre[0] == pytest.approx(PLACE, abs=0.1)
     assert float(found.fit.source.amplitudes[0]) == pytest.approx(HEIGHT, rel=0.1)
     assert found.fit.chi2 / found.fit.objective.noise.count < 1.2
+
+
+def test_a_source_far_stronger_than_the_simulator(channel: Channel) -> None:
+    found = search(channel, [(bump_times(channel, "1"), STRONG)])
+    assert found is not None
+    assert found.fit.source.bump.centre[0] == pytest.approx(PLACE, abs=0.01)
+    assert float(found.fit.source.amplitudes[0]) == pytest.approx(STRONG, rel=0.01)
 
 
 def test_a_pulsating_source_has_its_period(channel: Channel) -> None:

@@ -1,0 +1,37 @@
+"""Processes that the programs of this process have left behind.
+
+A program is ended with its session. What it starts in another session, as a daemon is, outlives it.
+It is known by a variable of the environment that it inherits, on systems with ``/proc``.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import signal
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+MARK = "DASHRED_STARTED_BY"
+
+
+def marked_environment() -> dict[str, str]:
+    """Return the environment of a program; what it leaves behind is ended with this process."""
+    _end_at_exit()
+    return {**os.environ, MARK: str(os.getpid())}
+
+
+def end_left_behind() -> None:
+    """End all processes that have the environment of this process' programs."""
+    mark = f"{MARK}={os.getpid()}".encode()
+    for file in Path("/proc").glob("[0-9]*/environ"):
+        # A process may have ended since, or belong to another user.
+        with suppress(OSError):
+            if mark in file.read_bytes().split(b"\0"):
+                os.kill(int(file.parent.name), signal.SIGKILL)
+
+
+@cache
+def _end_at_exit() -> None:
+    atexit.register(end_left_behind)
