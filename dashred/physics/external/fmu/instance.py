@@ -116,6 +116,27 @@ class Instance:
                 self._fmu.getContinuousStateDerivatives(_pointer(self._slopes), size)
         return self._slopes.copy()
 
+    def slopes_along(self, t: float, x: Array, directions: Array) -> Array:
+        """Return the directional derivatives of :meth:`slopes`, ``(state, direction)``.
+
+        Args:
+            t: time.
+            x: continuous states.
+            directions: of the states, ``(state, direction)``.
+        """
+        self._buffer[:] = x
+        unknowns = [each.variable for each in self._own.description.derivatives]
+        rates = [variable.valueReference for variable in unknowns]
+        states = [variable.derivative.valueReference for variable in unknowns]
+        with self._last_words():
+            self._fmu.setTime(t)
+            self._fmu.setContinuousStates(_pointer(self._buffer), len(x))
+            found = [
+                self._fmu.getDirectionalDerivative(rates, states, direction)
+                for direction in directions.T.tolist()
+            ]
+        return np.array(found).T
+
     def signs(self, t: float, x: Array) -> NDArray[np.bool_]:
         """Return whether each event indicator is positive; an event is where one changes."""
         if self._events.size:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +40,22 @@ def longest_step(integrate: Callable[[int], Array], dt: float) -> float:
     raise ProgramError(f"is too stiff for {MOST_STEPS} steps in {dt:g}", hint)
 
 
-def integrate(instance: Instance, x: Array, t: float, dt: float, steps: int) -> Array:
-    """Return the continuous states after dt.
+class Reached(NamedTuple):
+    """States that a step has reached.
+
+    Attributes:
+        t: time.
+        x: continuous states, after an event if there is one; NaN if they are not finite.
+        is_event: whether there is one.
+    """
+
+    t: float
+    x: Array
+    is_event: bool
+
+
+def path(instance: Instance, x: Array, t: float, dt: float, steps: int) -> Iterator[Reached]:
+    """Yield the continuous states after each step.
 
     A step ends at an event that is found in it by bisection.
 
@@ -51,9 +66,6 @@ def integrate(instance: Instance, x: Array, t: float, dt: float, steps: int) -> 
         dt: length of the whole.
         steps: number of steps.
 
-    Returns:
-        The states; NaN if they are not finite.
-
     Raises:
         ProgramError: the FMU fails.
     """
@@ -63,7 +75,8 @@ def integrate(instance: Instance, x: Array, t: float, dt: float, steps: int) -> 
         h = min(longest, end - t, instance.next_event - t)
         after = _step(instance, x, t, h)
         if not np.isfinite(after).all():
-            return np.full_like(x, np.nan)
+            yield Reached(end, np.full_like(x, np.nan), is_event=False)
+            return
         found = instance.signs(t + h, after)
         is_event = bool((found != signs).any())
         if is_event:
@@ -71,7 +84,7 @@ def integrate(instance: Instance, x: Array, t: float, dt: float, steps: int) -> 
         t += h
         x = instance.complete_step(t, after, is_event)
         signs = instance.signs(t, x) if is_event else found
-    return x
+        yield Reached(t, x, is_event or x is not after)
 
 
 def _step(instance: Instance, x: Array, t: float, h: float) -> Array:
