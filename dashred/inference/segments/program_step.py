@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dashred.inference.segments.kept_derivatives import KeptDerivatives
 from dashred.inference.segments.segments import Array
 from dashred.physics.external.protocol import Program, Stepper
 from dashred.physics.program_parameters import changed_parameters, parameter_slopes
 
 # Smallest change in a difference, as a share of the largest value of any field.
 SMALLEST = 1e-12
-# A Jacobian is used again at states that differ by less than this share of the largest value of
-# each field. An error of a percent in a derivative is harmless.
-NEAR = 0.01
 
 
 @dataclass(frozen=True)
@@ -26,27 +24,36 @@ class ProgramStep:
     Attributes:
         program: steps states.
         parameters: its parameters by name.
+        names: of the parameters that are unknowns.
     """
 
     program: Program
     parameters: Mapping[str, float]
-    _known: dict[int, tuple[Array, Array]] = field(default_factory=dict, repr=False)
+    names: tuple[str, ...] = ()
+    # Derivatives by the state, and by each parameter, of each step within the segments.
+    _kept: dict[tuple[int, str | None], KeptDerivatives] = field(default_factory=dict, repr=False)
 
     def at(self, changes: Mapping[str, float]) -> ProgramStep:
-        """Return the same with changed parameters."""
-        if not any(changes.values()):
-            return self
-        return ProgramStep(self.program, changed_parameters(self.parameters, changes))
+        """Return the same with changed parameters, which are unknowns."""
+        changed = changed_parameters(self.parameters, changes)
+        return replace(self, parameters=changed, names=tuple(changes))
 
     def slopes(
-        self, names: Sequence[str], x: Array, t: Array, h: Array, inputs: Mapping[str, Array]
+        self,
+        names: Sequence[str],
+        x: Array,
+        after: Array,
+        t: Array,
+        h: Array,
+        inputs: Mapping[str, Array],
     ) -> Array:
         """Return the derivatives of a step by parameters, ``(name, segment, field)``.
 
-        See :meth:`advance` for the arguments.
+        The states after the step are ``(segment, field)``; see :meth:`advance` for the others.
         """
         return parameter_slopes(
             lambda parameters: self.program.step(x, t, h, inputs, parameters),
+            after,
             self.parameters,
             names,
             self.program.rounding,
@@ -65,11 +72,13 @@ class ProgramStep:
 
     def linearise(
         self, step: int, x: Array, t: Array, h: Array, inputs: Mapping[str, Array]
-    ) -> tuple[Array, Array]:
-        """Return the states after a step, and their Jacobian ``(segment, field, field)``.
+    ) -> tuple[Array, Array, Array]:
+        """Return the states after a step, and their derivatives by the states and parameters.
 
-        It comes from one-sided differences; all segments and fields are one batch. Where a state is
-        near that of an earlier call, the Jacobian of that call is used.
+        The derivatives are ``(segment, field, field)`` and ``(segment, field, name)``. They come
+        from one-sided differences, or the tangents of the program; all segments and fields are one
+        batch. Where state and parameters are near those of an earlier call, its derivatives are
+        used.
 
         Args:
             step: index of the step within the segments.
@@ -78,18 +87,20 @@ class ProgramStep:
             h: step of each, ``(segment,)``.
             inputs: in the middle of the step, ``(segment,)`` each.
         """
-        count, fields = x.shape
-        reach = reach_of(x)
-        about, slopes = self._known.get(step, (np.full_like(x, np.nan), np.empty((0,))))
-        if len(about) != count:
-            about = np.full_like(x, np.nan)
-        new = np.flatnonzero(~(np.abs(x - about) < NEAR * reach).all(axis=1))
-        jacobian = slopes.copy() if slopes.shape[0] == count else np.empty((count, fields, fields))
-        after, jacobian[new] = self.differentiate(x, reach, new, t, h, inputs)
-        about = about.copy()
-        about[new] = x[new]
-        self._known[step] = about, jacobian
-        return after, jacobian
+        known, reach = np.array([*self.parameters.values()]), reach_of(x)
+        places = np.concatenate([x, np.tile(known, (len(x), 1))], axis=1)
+        sizes = np.concatenate([reach, np.abs(known)])
+        kept = self._kept.setdefault((step, None), KeptDerivatives())
+        new = kept.far(places, sizes)
+        after, found = self.differentiate(x, reach, new, t, h, inputs)
+        jacobian, columns = kept.renewed(new, places, found), []
+        for name in self.names:
+            kept = self._kept.setdefault((step, name), KeptDerivatives())
+            new = kept.far(places, sizes)
+            if new.size:
+                [found] = self.slopes([name], x[new], after[new], *clock_of(new, t, h, inputs))
+            columns.append(kept.renewed(new, places, found) if new.size else kept.values)
+        return after, jacobian, np.stack(columns, -1) if columns else np.empty((*x.shape, 0))
 
     def differentiate(
         self,

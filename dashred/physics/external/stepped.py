@@ -24,6 +24,8 @@ from dashred.physics.grids.grid import Grid
 
 # Rounding error that is assumed until the first step: that of single precision.
 SINGLE = 6e-8
+# An analysis ends if more than this share of the states cannot be stepped, and so many.
+MOST_FAILED, SOME_FAILED = 0.9, 10
 
 
 class SteppedProgram:
@@ -61,6 +63,8 @@ class SteppedProgram:
         self._last_failure: str | None = None
         # Steps of single states, including those whose results were kept.
         self._steps = self._failed_steps = 0
+        # Of those that the program was called for, and of these the ones without a result.
+        self._asked = self._lost = 0
 
     @property
     def conduct(self) -> Conduct:
@@ -205,7 +209,9 @@ class SteppedProgram:
                 return np.concatenate(rows)
             if _finite_rows(batch.states).any():
                 self._last_failure = f"{self._adapter.name} {error}"
+                self._lose(error)
             return np.full_like(batch.states, np.nan)
+        self._asked += len(batch)
         finite = _finite_rows(result)
         failed = np.flatnonzero(_finite_rows(batch.states) & ~finite)
         if failed.size:
@@ -213,6 +219,18 @@ class SteppedProgram:
             self._last_failure = f"{self._adapter.name} returns values that are not finite, {when}"
         result[~finite] = np.nan
         return result
+
+    def _lose(self, error: ProgramError) -> None:
+        """Count a state that cannot be stepped.
+
+        Raises:
+            InputError: so it is with nearly all states: an analysis would wait for nothing.
+        """
+        self._asked, self._lost = self._asked + 1, self._lost + 1
+        if self._lost >= SOME_FAILED and self._lost > MOST_FAILED * self._asked:
+            count = f"{self._lost} of {self._asked} steps"
+            what = f"{self._adapter.name} fails in {count}; in the last one it {error}"
+            raise InputError(what, where=self._adapter.place, hint=error.hint)
 
 
 def _finite_rows(states: Array) -> NDArray[np.bool_]:

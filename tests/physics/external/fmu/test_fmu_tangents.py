@@ -31,6 +31,7 @@ class Counted(FmuAdapter):
     steps = 0
 
     def step(self, given: Any) -> Any:
+        """Step a state."""
         self.steps += 1
         return super().step(given)
 
