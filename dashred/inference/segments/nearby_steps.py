@@ -83,11 +83,13 @@ class NearbySteps:
         """See :meth:`ProgramStep.slopes`."""
         return self.exact.slopes(names, x, after, t, h, inputs)
 
-    def advance(self, x: Array, t: Array, h: Array, inputs: Mapping[str, Array]) -> Array:
+    def advance(
+        self, step: int, x: Array, t: Array, h: Array, inputs: Mapping[str, Array]
+    ) -> Array:
         """See :meth:`ProgramStep.advance`."""
         ends, _, far = self._nearby(self._keys(t, h, inputs), x)
         if far.size:
-            ends[far] = self.exact.advance(x[far], *clock_of(far, t, h, inputs))
+            ends[far] = self.exact.ends(x[far], *clock_of(far, t, h, inputs))
         return ends
 
     def linearise(

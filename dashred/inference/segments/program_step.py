@@ -32,6 +32,8 @@ class ProgramStep:
     names: tuple[str, ...] = ()
     # Derivatives by the state, and by each parameter, of each step within the segments.
     _kept: dict[tuple[int, str | None], KeptDerivatives] = field(default_factory=dict, repr=False)
+    # Places and ends of each step in the last run: what a run accepts is linearised next.
+    _ends: dict[int, tuple[Array, Array]] = field(default_factory=dict, repr=False)
 
     def at(self, changes: Mapping[str, float]) -> ProgramStep:
         """Return the same with changed parameters, which are unknowns."""
@@ -59,15 +61,24 @@ class ProgramStep:
             self.program.rounding,
         )
 
-    def advance(self, x: Array, t: Array, h: Array, inputs: Mapping[str, Array]) -> Array:
+    def advance(
+        self, step: int, x: Array, t: Array, h: Array, inputs: Mapping[str, Array]
+    ) -> Array:
         """Return the states after a step, ``(segment, field)``.
 
         Args:
+            step: index of the step within the segments.
             x: ``(segment, field)``.
             t: time of each, ``(segment,)``.
             h: step of each, ``(segment,)``.
             inputs: in the middle of the step, ``(segment,)`` each.
         """
+        ends = self.ends(x, t, h, inputs)
+        self._ends[step] = self._places(x), ends
+        return ends
+
+    def ends(self, x: Array, t: Array, h: Array, inputs: Mapping[str, Array]) -> Array:
+        """Return the states after a step of any states, ``(state, field)``; see :meth:`advance`."""
         return self.program.step(x, t, h, inputs, self.parameters)
 
     def linearise(
@@ -78,21 +89,18 @@ class ProgramStep:
         The derivatives are ``(segment, field, field)`` and ``(segment, field, name)``. They come
         from one-sided differences, or the tangents of the program; all segments and fields are one
         batch. Where state and parameters are near those of an earlier call, its derivatives are
-        used.
+        used; where all are those of the last run, its states are.
 
-        Args:
-            step: index of the step within the segments.
-            x: ``(segment, field)``.
-            t: time of each, ``(segment,)``.
-            h: step of each, ``(segment,)``.
-            inputs: in the middle of the step, ``(segment,)`` each.
+        See :meth:`advance` for the arguments.
         """
-        known, reach = np.array([*self.parameters.values()]), reach_of(x)
-        places = np.concatenate([x, np.tile(known, (len(x), 1))], axis=1)
-        sizes = np.concatenate([reach, np.abs(known)])
+        places, reach = self._places(x), reach_of(x)
+        sizes = np.concatenate([reach, np.abs(places[0, x.shape[1] :])])
+        about, ends = self._ends.get(step, (None, None))
+        if about is None or not np.array_equal(about, places):
+            ends = None
         kept = self._kept.setdefault((step, None), KeptDerivatives())
         new = kept.far(places, sizes)
-        after, found = self.differentiate(x, reach, new, t, h, inputs)
+        after, found = self.differentiate(x, reach, new, t, h, inputs, ends)
         jacobian, columns = kept.renewed(new, places, found), []
         for name in self.names:
             kept = self._kept.setdefault((step, name), KeptDerivatives())
@@ -102,6 +110,11 @@ class ProgramStep:
             columns.append(kept.renewed(new, places, found) if new.size else kept.values)
         return after, jacobian, np.stack(columns, -1) if columns else np.empty((*x.shape, 0))
 
+    def _places(self, x: Array) -> Array:
+        """Return the states with all parameters, ``(segment, field + parameter)``."""
+        values = np.array([*self.parameters.values()])
+        return np.concatenate([x, np.tile(values, (len(x), 1))], axis=1)
+
     def differentiate(
         self,
         x: Array,
@@ -110,6 +123,7 @@ class ProgramStep:
         t: Array,
         h: Array,
         inputs: Mapping[str, Array],
+        ends: Array | None = None,
     ) -> tuple[Array, Array]:
         """Return the states after a step, and the Jacobians of some, ``(row, field, field)``.
 
@@ -120,20 +134,22 @@ class ProgramStep:
             t: as in :meth:`linearise`, and so are the others.
             h: step.
             inputs: in the middle of the step.
+            ends: the states after the step, if they are known, ``(segment, field)``.
         """
-        count, fields = x.shape
         if self.program.tangent is not None:
-            return self._push(self.program.tangent, x, rows, t, h, inputs)
+            return self._push(self.program.tangent, x, rows, t, h, inputs, ends)
+        fields = x.shape[1]
+        if ends is not None and not rows.size:
+            return ends, np.empty((0, fields, fields))
         small = self.program.rounding**0.5 * reach
         moved = x[rows] + small[:, None, None] * np.eye(fields)[:, None, :]
-        whole = np.concatenate([x, moved.reshape(-1, fields)])
-
-        def each(values: Array) -> Array:
-            return np.concatenate([values, np.tile(values[rows], fields)])
-
-        named = {name: each(values) for name, values in inputs.items()}
-        ends = self.advance(whole, each(t), each(h), named)
-        after, others = ends[:count], ends[count:].reshape(fields, len(rows), fields)
+        # The states themselves are part of the batch, unless their ends are known.
+        own = np.arange(0 if ends is not None else len(x))
+        asked = np.concatenate([own, np.tile(rows, fields)])
+        whole = np.concatenate([x[own], moved.reshape(-1, fields)])
+        found = self.ends(whole, *clock_of(asked, t, h, inputs))
+        after = found[: len(x)] if ends is None else ends
+        others = found[len(own) :].reshape(fields, len(rows), fields)
         return after, np.moveaxis((others - after[rows]) / small[:, None, None], 0, -1)
 
     def _push(
@@ -144,19 +160,22 @@ class ProgramStep:
         t: Array,
         h: Array,
         inputs: Mapping[str, Array],
+        ends: Array | None,
     ) -> tuple[Array, Array]:
         """Return what :meth:`differentiate` does, with the tangents that the program offers."""
         count, fields = x.shape
-        after, jacobians = np.empty_like(x), np.empty((len(rows), fields, fields))
+        after = np.empty_like(x) if ends is None else ends.copy()
+        jacobians = np.empty((len(rows), fields, fields))
         rest = np.setdiff1d(np.arange(count), rows)
-        if rest.size:
-            after[rest] = self.advance(x[rest], *clock_of(rest, t, h, inputs))
+        if rest.size and ends is None:
+            after[rest] = self.ends(x[rest], *clock_of(rest, t, h, inputs))
         if rows.size:
             each = np.repeat(rows, fields)
             states = np.concatenate([x[each], np.tile(np.eye(fields), (len(rows), 1))], axis=1)
-            ends = tangent.step(states, *clock_of(each, t, h, inputs), self.parameters)
-            after[rows] = ends[::fields, :fields]
-            moved = ends[:, fields:].reshape(len(rows), fields, fields)
+            found = tangent.step(states, *clock_of(each, t, h, inputs), self.parameters)
+            if ends is None:
+                after[rows] = found[::fields, :fields]
+            moved = found[:, fields:].reshape(len(rows), fields, fields)
             jacobians[:] = np.moveaxis(moved, 1, 2)
         return after, jacobians
 

@@ -94,7 +94,7 @@ class SegmentSimulator:
                     rates.append(tendency.rates(at, xi, self._clock(i, stage), force))
                 x = x + h * _combined(self.tableau.b, rates)
                 if program is not None and i % HALVES == 0:
-                    x = program.advance(x, *self._program_clock(i))
+                    x = program.advance(i, x, *self._program_clock(i))
                 if (i + 1) % self._parts == 0:
                     saved.append(x)
         return np.stack(saved, axis=1)
@@ -170,7 +170,7 @@ class SegmentSimulator:
             rates, _, terms = tendency.linearise(nodes, xi, self._clock(0, 0))
             if self.program is not None:
                 begins, steps, inputs = self._program_clock(0)
-                ends = self.program.advance(nodes, begins, steps, inputs)
+                ends = self.program.advance(0, nodes, begins, steps, inputs)
                 rates = rates + (ends - nodes) / steps[:, None]
         equations, owners = tendency.equations, tendency.owners
         own = _in_program(candidates)
