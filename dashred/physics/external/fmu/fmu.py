@@ -16,7 +16,13 @@ from dashred.physics.external.fmu.description import (
     Description,
 )
 from dashred.physics.external.fmu.instance import Instance
-from dashred.physics.external.fmu.integration import Reached, longest_step, path
+from dashred.physics.external.fmu.integration import (
+    Reached,
+    Step,
+    longest_step,
+    path,
+    runge_kutta,
+)
 from dashred.physics.external.kept.contents import files_sha256
 from dashred.physics.external.state_batch import Array, StateBatch
 
@@ -88,7 +94,7 @@ class FmuAdapter:
             self._longest = longest_step(lambda steps: self._end(given, steps), given.dt)
         return max(1, math.ceil(given.dt / self._longest * (1 - 1e-9)))
 
-    def follow(self, given: Given, steps: int) -> Iterator[Reached]:
+    def follow(self, given: Given, steps: int, step: Step = runge_kutta) -> Iterator[Reached]:
         """Yield the continuous states of an FMU for model exchange after each of some steps."""
         if self._started != given.parameters or self._has_memory:
             self._start(given)
@@ -96,7 +102,12 @@ class FmuAdapter:
         else:
             inputs = {self.description.others[name]: v for name, v in given.inputs.items()}
             self.instance.set_inputs(inputs)
-        return path(self.instance, self.ordered(given.state), given.t, given.dt, steps)
+        x = self.ordered(given.state)
+        return path(self.instance, x, given.t, given.dt, steps, step)
+
+    def reset(self) -> None:
+        """Initialise the FMU anew at the next step, as must be after an error."""
+        self._started = None
 
     def ordered(self, values: Array) -> Array:
         """Return values of fields ``(field, …)`` in the order of the continuous states."""

@@ -4,16 +4,13 @@ A tangent δ of the states x follows, with the derivatives f of the FMU::
 
     x' = f(x, t)        δ' = f'(x, t) δ
 
-The states are those of :mod:`.integration`. Between some of them δ is stepped with the method of
-Runge and Kutta, which needs f' at three equidistant states.
+Both are stepped by one method of Runge and Kutta, so that δ is the derivative of the discrete x.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import replace
-from itertools import pairwise
-from typing import NamedTuple
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,25 +18,30 @@ from numpy.typing import NDArray
 from dashred.core.progress import say
 from dashred.physics.external.adapter import ANY_TIME, Unread, Way
 from dashred.physics.external.fmu.fmu import FmuAdapter, Given
-from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
+from dashred.physics.external.fmu.instance import Instance, NoDerivativesError
+from dashred.physics.external.state_batch import Array, StateBatch
 from dashred.physics.external.tangents.checked_tangents import MOST_ERROR
 from dashred.physics.external.tangents.function_tangents import with_tangents
 
-# Steps of the states in half a step of a tangent: it needs fewer digits than they do.
-STRIDES = (2, 1)
 # Relative change of a state in a difference of its end, and of its derivatives.
 CHANGE, CHECK = 1e-7, 1e-5
 
 
-class Point(NamedTuple):
-    """A state on the way: ``f'(x, t)`` times directions, ``(state, direction)``."""
+@dataclass
+class _Tangents:
+    """Tangents that are carried along the steps of the states, ``(state, tangent)``."""
 
-    t: float
-    product: Callable[[Array], Array]
+    values: Array
 
-
-class _RefusedError(Exception):
-    """The directional derivatives cannot be used."""
+    def step(self, instance: Instance, x: Array, t: float, h: float) -> Array:
+        """Return the states after a step of the classical method, and move the tangents."""
+        d = self.values
+        k1, m1 = instance.slopes_along(t, x, d)
+        k2, m2 = instance.slopes_along(t + h / 2, x + h / 2 * k1, d + h / 2 * m1)
+        k3, m3 = instance.slopes_along(t + h / 2, x + h / 2 * k2, d + h / 2 * m2)
+        k4, m4 = instance.slopes_along(t + h, x + h * k3, d + h * m3)
+        self.values = d + h / 6 * (m1 + 2 * m2 + 2 * m3 + m4)
+        return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
 
 class FmuTangents:
@@ -77,75 +79,46 @@ class FmuTangents:
 
     def _step(self, given: Given, tangents: Array) -> tuple[Array, Array]:
         """Return the state ``(field,)`` and its tangents ``(field, tangent)`` after a step."""
-        if not self._is_refused:
-            try:
-                found = self._integrate(given, self._own.ordered(tangents))
-            except _RefusedError as error:
-                self._is_refused = True
-                say(f"{self._own.name}: {error}; differences are used in their place")
-            else:
-                if found is not None:
-                    return self._own.of_fields(found[0]), self._own.of_fields(found[1])
-        return self._by_differences(given, tangents)
+        found = None if self._is_refused else self._integrate(given, self._own.ordered(tangents))
+        if found is None:
+            return self._by_differences(given, tangents)
+        return self._own.of_fields(found[0]), self._own.of_fields(found[1])
 
     def _integrate(self, given: Given, tangents: Array) -> tuple[Array, Array] | None:
-        """Return states and tangents ``(state, tangent)`` after a step; None if it has an event.
+        """Return states and tangents ``(state, tangent)`` after a step.
 
-        Raises:
-            _RefusedError: the directional derivatives cannot be used.
+        None if the step has an event, or the directional derivatives cannot be used.
         """
+        carried, x = _Tangents(tangents), self._own.ordered(given.state)
         steps = self._own.steps_of(given)
-        # A longer stride must not take many more steps.
-        stride = next(s for s in STRIDES if _whole(steps, 2 * s) <= max(steps + 1, 1.2 * steps))
-        t, x = given.t, self._own.ordered(given.state)
-        on_way = [(t, x)]
-        for i, reached in enumerate(self._own.follow(given, _whole(steps, 2 * stride)), start=1):
-            if reached.is_event:
-                return None
-            t, x = reached.t, reached.x
-            if not np.isfinite(x).all():
-                return x, np.full_like(tangents, np.nan)
-            if i % stride == 0:
-                on_way.append((t, x))
-        points = [self._point(*each, tangents.shape[1]) for each in on_way]
-        ends = [*pairwise(points[::2])]
-        for (begin, end), middle in zip(ends, points[1::2], strict=True):
-            tangents = _carry(begin, middle, end, tangents)
-        return x, tangents
-
-    def _point(self, t: float, x: Array, count: int) -> Point:
-        """Return f' at a state, to be multiplied with so many directions about twice."""
-        if not self._is_checked:
-            self._check(t, x)
-            self._is_checked = True
-        if 2 * count < len(x):
-            return Point(t, lambda directions: self._along(t, x, directions))
-        jacobian = self._along(t, x, np.eye(len(x)))
-        return Point(t, lambda directions: jacobian @ directions)
-
-    def _along(self, t: float, x: Array, directions: Array) -> Array:
         try:
-            return self._own.instance.slopes_along(t, x, directions)
-        except ProgramError as error:
-            raise _RefusedError(
-                f"it says that it has directional derivatives, but {error}"
-            ) from None
+            for reached in self._own.follow(given, steps, carried.step):
+                if reached.is_event:
+                    return None
+                x = reached.x
+        except NoDerivativesError as error:
+            self._own.reset()
+            return self._refuse(f"it says that it has directional derivatives, but {error}")
+        if not self._is_checked and np.isfinite(x).all():
+            self._is_checked = True
+            if not self._is_right(given.t + given.dt, x):
+                return self._refuse("its directional derivatives are not those of its derivatives")
+        return x, carried.values
 
-    def _check(self, t: float, x: Array) -> None:
-        """Compare the derivatives of f by each state with central differences.
+    def _refuse(self, why: str) -> None:
+        self._is_refused = True
+        say(f"{self._own.name}: {why}; differences are used in their place")
 
-        Raises:
-            _RefusedError: they differ.
-        """
-        size = _sizes(x)
-        found, slopes = self._along(t, x, np.diag(size)), self._own.instance.slopes
+    def _is_right(self, t: float, x: Array) -> bool:
+        """Whether the derivatives of f by each state are about central differences."""
+        size, slopes = _sizes(x), self._own.instance.slopes
+        rates, found = self._own.instance.slopes_along(t, x, np.diag(size))
         ends = [[slopes(t, x + s * CHECK * row) for s in (1, -1)] for row in np.diag(size)]
         expected = np.array([(after - before) / (2 * CHECK) for after, before in ends]).T
         scale = np.abs(expected).max(axis=1, keepdims=True)
         # The rounding errors of f are large in a difference.
-        uncertain = 1e-9 * np.abs(slopes(t, x))[:, None]
-        if not (np.abs(found - expected) <= MOST_ERROR * scale + uncertain).all():
-            raise _RefusedError("its directional derivatives differ from those of its derivatives")
+        uncertain = 1e-9 * np.abs(rates)[:, None]
+        return bool((np.abs(found - expected) <= MOST_ERROR * scale + uncertain).all())
 
     def _by_differences(self, given: Given, tangents: Array) -> tuple[Array, Array]:
         """Return what :meth:`_step` does, by one-sided differences."""
@@ -156,21 +129,6 @@ class FmuTangents:
             other = self._own.step(given._replace(state=given.state + change * tangents[:, j]))
             moved[:, j] = (other - end) / change
         return end, moved
-
-
-def _carry(begin: Point, middle: Point, end: Point, tangents: Array) -> Array:
-    """Return the tangents ``(state, tangent)`` after a step of the method of Runge and Kutta."""
-    h = end.t - begin.t
-    k1 = begin.product(tangents)
-    k2 = middle.product(tangents + h / 2 * k1)
-    k3 = middle.product(tangents + h / 2 * k2)
-    k4 = end.product(tangents + h * k3)
-    return tangents + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-
-
-def _whole(steps: int, parts: int) -> int:
-    """Return the next multiple of a number of parts."""
-    return -(-steps // parts) * parts
 
 
 def _sizes(x: Array) -> Array:

@@ -54,7 +54,21 @@ class Reached(NamedTuple):
     is_event: bool
 
 
-def path(instance: Instance, x: Array, t: float, dt: float, steps: int) -> Iterator[Reached]:
+def runge_kutta(instance: Instance, x: Array, t: float, h: float) -> Array:
+    """Return the continuous states after a step of the classical method."""
+    k1 = instance.slopes(t, x)
+    k2 = instance.slopes(t + h / 2, x + h / 2 * k1)
+    k3 = instance.slopes(t + h / 2, x + h / 2 * k2)
+    k4 = instance.slopes(t + h, x + h * k3)
+    return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+
+Step = Callable[[Instance, Array, float, float], Array]
+
+
+def path(
+    instance: Instance, x: Array, t: float, dt: float, steps: int, step: Step = runge_kutta
+) -> Iterator[Reached]:
     """Yield the continuous states after each step.
 
     A step ends at an event that is found in it by bisection.
@@ -65,6 +79,7 @@ def path(instance: Instance, x: Array, t: float, dt: float, steps: int) -> Itera
         t: time.
         dt: length of the whole.
         steps: number of steps.
+        step: the method.
 
     Raises:
         ProgramError: the FMU fails.
@@ -73,7 +88,7 @@ def path(instance: Instance, x: Array, t: float, dt: float, steps: int) -> Itera
     signs = instance.signs(t, x)
     while end - t > 1e-9 * longest:
         h = min(longest, end - t, instance.next_event - t)
-        after = _step(instance, x, t, h)
+        after = step(instance, x, t, h)
         if not np.isfinite(after).all():
             yield Reached(end, np.full_like(x, np.nan), is_event=False)
             return
@@ -87,14 +102,6 @@ def path(instance: Instance, x: Array, t: float, dt: float, steps: int) -> Itera
         yield Reached(t, x, is_event or x is not after)
 
 
-def _step(instance: Instance, x: Array, t: float, h: float) -> Array:
-    k1 = instance.slopes(t, x)
-    k2 = instance.slopes(t + h / 2, x + h / 2 * k1)
-    k3 = instance.slopes(t + h / 2, x + h / 2 * k2)
-    k4 = instance.slopes(t + h, x + h * k3)
-    return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-
-
 def _before_event(
     instance: Instance, x: Array, t: float, h: float, signs: NDArray[np.bool_]
 ) -> tuple[float, Array]:
@@ -102,11 +109,11 @@ def _before_event(
     before, beyond, after = 0.0, h, x
     for _ in range(BISECTIONS):
         middle = (before + beyond) / 2
-        states = _step(instance, x, t, middle)
+        states = runge_kutta(instance, x, t, middle)
         if (instance.signs(t + middle, states) != signs).any():
             beyond, after = middle, states
         else:
             before = middle
         if math.isclose(before, beyond, rel_tol=1e-12):
             break
-    return beyond, _step(instance, x, t, beyond) if after is x else after
+    return beyond, runge_kutta(instance, x, t, beyond) if after is x else after
