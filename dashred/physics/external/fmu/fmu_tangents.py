@@ -98,11 +98,13 @@ class FmuTangents:
                 x = reached.x
         except NoDerivativesError as error:
             self._own.reset()
-            return self._refuse(f"it says that it has directional derivatives, but {error}")
+            self._refuse(f"it says that it has directional derivatives, but {error}")
+            return None
         if not self._is_checked and np.isfinite(x).all():
             self._is_checked = True
             if not self._is_right(given.t + given.dt, x):
-                return self._refuse("its directional derivatives are not those of its derivatives")
+                self._refuse("its directional derivatives are not those of its derivatives")
+                return None
         return x, carried.values
 
     def _refuse(self, why: str) -> None:
