@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -133,10 +134,14 @@ def test_candidates_take_few_steps_and_have_the_sizes_of_the_equations(
     exact = -torch.sin(states[:, 0])
     torch.testing.assert_close(slope[:, 1], exact, rtol=0, atol=1e-6)
     assert slope[:, 0].abs().max() < 1e-6
-    step, counts = program.program.step, []
-    monkeypatch.setattr(
-        program.program, "step", lambda x, *given: counts.append(len(x)) or step(x, *given)
-    )
+    own = program.program or pytest.fail()
+    step, counts = own.step, []
+
+    def counted(states: Any, *given: Any) -> Any:
+        counts.append(len(states))
+        return step(states, *given)
+
+    monkeypatch.setattr(own, "step", counted)
     found = {c.name: c for c in build_candidates(program, [], states, t)}
     # One step of each state, and two of each of 61 without a change and with three.
     assert sum(counts) == 301 + 61 * 2 * (1 + 3)

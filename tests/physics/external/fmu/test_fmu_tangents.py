@@ -22,7 +22,7 @@ from tests.physics.external.fmu.build import build
 MU, DT = 1.5, 0.4
 PARAMETERS = {"k": 1.0, "c": MU, "n": 0.0}
 STATES = np.array([[1.0, 0.5], [0.3, -2.0], [-2.1, 1.0]])
-CLOCK: Any = (np.zeros(3), np.full(3, DT), {"f": np.zeros(3)})
+CLOCK: tuple[Any, Any, Any] = (np.zeros(3), np.full(3, DT), {"f": np.zeros(3)})
 
 
 class Counted(FmuAdapter):
@@ -74,7 +74,8 @@ def test_the_columns_are_analytic_and_take_no_differences(tmp_path: Path, versio
     x, v = STATES[1]
     rates, slopes = adapter.instance.slopes_along(0.0, STATES[1], np.eye(2))
     np.testing.assert_allclose(rates, [v, MU * (1 - x**2) * v - x])
-    np.testing.assert_allclose(slopes, [[0, 1], [-1 - 2 * MU * x * v, MU * (1 - x**2)]])
+    expected = np.array([[0, 1], [-1 - 2 * MU * x * v, MU * (1 - x**2)]])
+    np.testing.assert_allclose(slopes, expected)
     jacobians_of(program)  # the first steps examine the FMU
     adapter.steps = 0
     np.testing.assert_allclose(jacobians_of(program), analytic(), atol=2e-6)
