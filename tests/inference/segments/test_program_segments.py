@@ -134,6 +134,8 @@ def test_candidates_take_few_steps_and_have_the_sizes_of_the_equations(
     exact = -torch.sin(states[:, 0])
     torch.testing.assert_close(slope[:, 1], exact, rtol=0, atol=1e-6)
     assert slope[:, 0].abs().max() < 1e-6
+    # A busy machine makes a program expensive.
+    monkeypatch.setattr("dashred.inference.forward.candidates.EXPENSIVE", np.inf)
     own = program.program or pytest.fail()
     step, counts = own.step, []
 

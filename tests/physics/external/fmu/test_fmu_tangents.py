@@ -119,8 +119,8 @@ def test_a_step_with_an_event_takes_differences(tmp_path: Path) -> None:
     clock: Any = (0 * each, 0.5 * each, {"f": 0 * each})
     found = ProgramStep(program, free).linearise(0, states, *clock)[1]
     # It bounces after the time (x + 0.5) / -v, and goes back with -0.7 v.
-    np.testing.assert_allclose(found[0], [[-0.7, -0.35], [0, -0.7]], atol=1e-5)
-    np.testing.assert_allclose(found[1], [[1, 0.5], [0, 1]], atol=1e-12)
+    np.testing.assert_allclose(found[0], [[-0.7, -0.35], [0.0, -0.7]], atol=1e-5)
+    np.testing.assert_allclose(found[1], [[1.0, 0.5], [0.0, 1.0]], atol=1e-12)
 
 
 def test_many_directions_and_few(tmp_path: Path) -> None:
