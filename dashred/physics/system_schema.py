@@ -125,7 +125,8 @@ class ExternalSimulator:
 
     time_limit: Annotated[Positive, Unit("s")] = 60.0
     """Longest time that the command or function may take to step one state. Each further state in
-    a call of a command may take ten times what one took in the first call."""
+    a call may take ten times what one took in the first call. A state that takes longer is given
+    up."""
 
     keep: bool = True
     """Whether results of calls that take more than 5 ms are kept on disk for later runs. They count

@@ -17,7 +17,7 @@ from torch import Tensor
 
 from dashred.evaluation.baselines.estimate import Estimate, TermEntry
 from dashred.evaluation.baselines.localisation import radii, radius_text
-from dashred.inference.forward.candidates import stable_limit
+from dashred.inference.forward.stable_limit import stable_limit
 from dashred.inference.initial_state.ensemble_filter import (
     FilterLostError,
     FilterResult,

@@ -10,13 +10,16 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from dashred.physics.cells.operator_matrices import fastest_linear_rate
-from dashred.physics.expressions.linear import split_linear
-from dashred.physics.expressions.reflection import without_sides
-from dashred.physics.grids.fourier_symbols import symbols
-from dashred.physics.grids.spectral import Spectral
+from dashred.inference.forward.candidate_columns import (
+    Columns,
+    in_units,
+    program_effects,
+    term_column,
+    term_rates,
+)
+from dashred.inference.forward.stable_limit import stable_limit
 from dashred.physics.let_terms import resolved_let_term
-from dashred.physics.library import COLLINEARITY_TOLERANCE, evaluate_terms, resolve
+from dashred.physics.library import COLLINEARITY_TOLERANCE, resolve
 from dashred.physics.parameter_sensitivity import parameter_tendency
 from dashred.physics.program_parameters import parameter_term
 from dashred.physics.runs.tendency_size import program_slopes, tendency_size
@@ -24,8 +27,8 @@ from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
 from dashred.physics.window import Window
 
-# Number of states at which it is seen whether a program reads a parameter.
-READ_AT = 8
+# Number of states at which a program is asked for the effects of its parameters.
+PROBED = 64
 # If a program takes longer for a state, in s, its parameters are candidates only with a spread.
 EXPENSIVE = 0.02
 
@@ -116,9 +119,10 @@ def build_candidates(
     known = priors or {}
     ordered = sorted(system.config.parameters, key=lambda name: name not in known)
     parameters = [_parameter(system, name, known.get(name)) for name in ordered]
-    every = -(-len(nominal) // READ_AT)
+    every = -(-len(nominal) // PROBED)
     few = nominal[::every], t[::every] if isinstance(t, Tensor) else t
-    parameters = [replace(c, in_program=_is_read_by_program(system, c, *few)) for c in parameters]
+    effects = program_effects(system, _unknown_in_program(system, parameters), *few)
+    parameters = [replace(c, in_program=c.name in effects) for c in parameters]
     resolved = resolve(system, library)
     terms = [
         Candidate(str(term), term.equation, (ready,), 1.0, is_extended=term in extensions)
@@ -130,8 +134,11 @@ def build_candidates(
     ]
     found = [c for c in parameters if c.effects or c.prior] + terms + shared
     rms = tendency_size(system, nominal, t)
-    columns = torch.stack([_column(system, c, nominal, t, rms) for c in found])
-    sizes = columns.norm(dim=1)
+    columns = Columns.of(
+        [term_column(system, c.terms, nominal, t, rms) for c in found],
+        {j: in_units(effects[c.name], rms) for j, c in enumerate(found) if c.in_program},
+        every,
+    )
     independent: list[int] = []
     aliases: dict[int, list[str]] = {}
     replaced: dict[int, list[str]] = {}
@@ -139,9 +146,9 @@ def build_candidates(
         if candidate.prior is not None:
             independent.append(j)
             continue
-        if not torch.isfinite(sizes[j]) or sizes[j] == 0:
+        if not 0 < columns.sizes[j] < math.inf:
             continue
-        cosines = (columns[independent] @ columns[j]).abs() / (sizes[independent] * sizes[j])
+        cosines = columns.cosines(j, independent)
         collinear = torch.nonzero(cosines > 1 - COLLINEARITY_TOLERANCE).flatten().tolist()
         if not collinear:
             independent.append(j)
@@ -151,11 +158,10 @@ def build_candidates(
             aliases.setdefault(first, []).append(candidate.name)
         else:
             replaced.setdefault(first, []).append(str(candidate))
-    size = math.sqrt(nominal[:, 0].numel())
     return [
         replace(
             found[j],
-            scale=size / float(sizes[j]) if sizes[j] > 0 else math.inf,
+            scale=columns.scale(j),
             limit=stable_limit(system, found[j].terms),
             aliases=tuple(aliases.get(j, ())),
             replaces=tuple(replaced.get(j, ())),
@@ -185,7 +191,7 @@ def replaced_terms(
     for term, ready in zip(library, resolve(system, library), strict=True):
         candidate = Candidate(str(term), term.equation, (ready,), 1.0)
         if candidate.key in replaced:
-            size = float(_column(system, candidate, nominal, t, rms).norm())
+            size = float(term_column(system, candidate.terms, nominal, t, rms).norm())
             scale = math.sqrt(nominal[:, 0].numel()) / size
             found.append(
                 replace(candidate, scale=scale, limit=stable_limit(system, candidate.terms))
@@ -211,14 +217,6 @@ def _parameter(system: System, name: str, prior: ChangePrior | None) -> Candidat
     return Candidate(name, None, terms, 1.0, prior=prior)
 
 
-def _column(
-    system: System, candidate: Candidate, states: Tensor, t: float | Tensor, rms: Tensor
-) -> Tensor:
-    """Return the tendency of a candidate, in units of the rms tendency of each equation."""
-    rates = candidate_rates(system, candidate, states, t).transpose(0, 1).flatten(1)
-    return (rates / rms[:, None]).flatten()
-
-
 def candidate_rates(
     system: System, candidate: Candidate, states: Tensor, t: float | Tensor
 ) -> Tensor:
@@ -230,50 +228,20 @@ def candidate_rates(
         states: ``(batch, field, *grid)``.
         t: time of all states, or of each, ``(batch,)``.
     """
-    rates = torch.zeros_like(states, dtype=torch.float64)
+    rates = term_rates(system, candidate.terms, states, t)
     if candidate.in_program:
         # The program may fail at some states.
-        rates += program_slopes(system, states, t, candidate.name).nan_to_num(nan=0.0)
-    if candidate.terms:
-        found = evaluate_terms(system, candidate.terms, states, t)
-        for term, values in zip(candidate.terms, found, strict=True):
-            rates[:, system.fields.index(term.equation)] += values
+        [effect] = program_slopes(system, states, t, [candidate.name])
+        rates += effect.nan_to_num(nan=0.0)
     return rates
 
 
-def _is_read_by_program(
-    system: System, candidate: Candidate, states: Tensor, t: float | Tensor
-) -> bool:
-    """Return whether a program reads a parameter, and its change may be an unknown.
+def _unknown_in_program(system: System, parameters: Sequence[Candidate]) -> list[str]:
+    """Return the parameters whose changes may be unknowns if a program reads them.
 
-    For an expensive program this needs a spread: each parameter takes two more calls in a step.
+    For an expensive program they need a spread: each parameter takes one more call in a step.
     """
-    if system.program is None or (candidate.prior is None and system.program.seconds > EXPENSIVE):
-        return False
-    return bool(program_slopes(system, states, t, candidate.name).nan_to_num(nan=0.0).any())
-
-
-def stable_limit(system: System, terms: Sequence[Term]) -> float:
-    """Return the |ξ| at which the fastest mode of ``ξ θ`` grows by a factor of e within a step.
-
-    Only the linear part of θ counts. For a term of fourth order the natural scale is far above this
-    limit, and the first trial would blow up (docs/method.md#scales-and-priors).
-
-    Args:
-        system: the simulator.
-        terms: θ, by equation; resolved.
-    """
-    if not isinstance(system.operators, Spectral):
-        rate = fastest_linear_rate(system, terms) if system.has_conditions else 0.0
-        return 1.0 / (rate * system.dt) if rate else math.inf
-    fastest = 0.0
-    for term in terms:
-        bare = without_sides(term.expression)
-        for field in system.fields:
-            linear, _ = split_linear(bare, field)
-            if linear:
-                # A term with the side factor of a reflection is integrated explicitly, too.
-                own = field == term.equation and bare == term.expression
-                found = symbols([linear], system.operators, torch.device("cpu"))[0]
-                fastest = max(fastest, float((found.real if own else found).abs().max()))
-    return 1.0 / (fastest * system.dt) if fastest else math.inf
+    if system.program is None:
+        return []
+    is_cheap = system.program.seconds <= EXPENSIVE
+    return [each.name for each in parameters if is_cheap or each.prior is not None]

@@ -94,7 +94,7 @@ class SegmentSimulator:
                     rates.append(tendency.rates(at, xi, self._clock(i, stage), force))
                 x = x + h * _combined(self.tableau.b, rates)
                 if program is not None and i % HALVES == 0:
-                    x = program.advance(x, *self._program_clock(i))
+                    x = program.advance(i, x, *self._program_clock(i))
                 if (i + 1) % self._parts == 0:
                     saved.append(x)
         return np.stack(saved, axis=1)
@@ -117,8 +117,9 @@ class SegmentSimulator:
             forced: equations whose force is an unknown.
         """
         tendency, fields = self._tendency(candidates), self.fields
-        program, own = self._changed_program(candidates, xi), _in_program(candidates)
+        program = self._changed_program(candidates, xi)
         known = fields + len(forced)
+        own = [known + j for j in _in_program(candidates)]
         unknowns = known + len(xi)
         x, saved = nodes, [nodes]
         s = np.zeros((len(nodes), fields, unknowns))
@@ -142,12 +143,9 @@ class SegmentSimulator:
                 x = x + h * _combined(self.tableau.b, rates)
                 s = s + h[:, :, None] * _combined(self.tableau.b, slopes)
                 if program is not None and i % HALVES == 0:
-                    begin, clock = x, self._program_clock(i)
-                    x, carried = program.linearise(i, x, *clock)
+                    x, carried, moved = program.linearise(i, x, *self._program_clock(i))
                     s = carried @ s
-                    if own:
-                        slopes_of = program.slopes([*own.values()], begin, *clock)
-                        s[:, :, [known + j for j in own]] += np.moveaxis(slopes_of, 0, -1)
+                    s[:, :, own] += moved
                 if (i + 1) % self._parts == 0:
                     saved.append(x)
                     columns.append(s)
@@ -172,12 +170,12 @@ class SegmentSimulator:
             rates, _, terms = tendency.linearise(nodes, xi, self._clock(0, 0))
             if self.program is not None:
                 begins, steps, inputs = self._program_clock(0)
-                ends = self.program.advance(nodes, begins, steps, inputs)
+                ends = self.program.advance(0, nodes, begins, steps, inputs)
                 rates = rates + (ends - nodes) / steps[:, None]
         equations, owners = tendency.equations, tendency.owners
         own = _in_program(candidates)
         if self.program is not None and own:
-            slopes = self.program.slopes([*own.values()], nodes, begins, steps, inputs)
+            slopes = self.program.slopes([*own.values()], nodes, ends, begins, steps, inputs)
             further = np.moveaxis(slopes / steps[:, None], 1, -1).reshape(-1, len(nodes))
             terms = np.concatenate([terms, further])
             equations = np.concatenate([equations, np.tile(np.arange(self.fields), len(own))])

@@ -12,6 +12,7 @@ from dashred.core.errors import InputError
 from dashred.physics.external.adapter import ANY_TIME, SAME_TIME, SINGLE, Unread, Way
 from dashred.physics.external.call_limit import OverrunError, time_limit
 from dashred.physics.external.kept.contents import module_sha256
+from dashred.physics.external.patience import Patience
 from dashred.physics.external.state_batch import (
     Array,
     ProgramError,
@@ -30,6 +31,7 @@ from dashred.physics.external.user_code import last_words, load, place_of
 # The arrays of a call are its own, so a change is without effect; a function that changes them is
 # refused in the first calls, because it may also change what it has returned before.
 CHECKED_CALLS = 32
+TOO_LONG = "raise system.simulator.time_limit if it needs longer"
 Function = Callable[..., Mapping[str, Any]]
 
 
@@ -43,7 +45,7 @@ class FunctionAdapter:
         fields: of the system, in their order.
         name: of the function, for messages.
         place: location of its key in the configuration.
-        limit: longest time for each state of a call, in s; infinite for no limit.
+        limit: longest time for a state, in s (:class:`.patience.Patience`).
         contents: ``MODULE.FUNCTION`` of its contents; None for the name.
     """
 
@@ -60,7 +62,8 @@ class FunctionAdapter:
         limit: float = math.inf,
         contents: str | None = None,
     ) -> None:
-        self._function, self._limit, self._contents = function, limit, contents or name
+        self._function, self._contents = function, contents or name
+        self._patience = Patience(limit)
         self._is_jax, self._unchecked = False, CHECKED_CALLS
         self.fields, self.name, self.place = tuple(fields), name, place
 
@@ -71,7 +74,8 @@ class FunctionAdapter:
             return None
         step, fields = step_with_tangents(jvp, self.fields), with_tangents(self.fields)
         name = f"{JVP} of {self.name}"
-        return FunctionAdapter(step, fields, name, self.place, self._limit, self._contents)
+        limit = self._patience.limit
+        return FunctionAdapter(step, fields, name, self.place, limit, self._contents)
 
     def call(self, batch: StateBatch, way: Way, time: Unread | None = None) -> Array:
         """See :meth:`dashred.physics.external.adapter.Adapter.call`."""
@@ -94,14 +98,16 @@ class FunctionAdapter:
 
         inputs = {name: clock(values) for name, values in batch.inputs.items()}
         t = clock(batch.t) if time is None else time
+        longest = self._patience.of(len(batch))
         try:
             # A state that blows up is reported as such, not as a warning of NumPy.
-            with np.errstate(all="ignore"), time_limit(self._limit * len(batch)):
+            with np.errstate(all="ignore"), self._patience.call(len(batch)), time_limit(longest):
                 found = self._function(state, t, clock(batch.dt), inputs, dict(batch.parameters))
         except ProgramError:
             raise
         except OverrunError as error:
-            raise self._overrun(len(batch), error) from error
+            what = f"has not ended after {longest:.3g} s{place_of(error)}"
+            raise ProgramError(what, TOO_LONG) from error
         except (Exception, SystemExit) as error:  # user code may raise any exception
             raise ProgramError(f"fails: {last_words(error)}") from error
         if self._unchecked:
@@ -110,12 +116,6 @@ class FunctionAdapter:
         result = read_fields(found, self.fields, each.shape[1:])
         self._is_jax = type(found[self.fields[0]]).__module__.startswith("jax")
         return np.moveaxis(result, 0, 1) if way.batch else result[None]
-
-    def _overrun(self, count: int, error: OverrunError) -> InputError:
-        states = "a state" if count == 1 else f"{count} states"
-        what = f"{self.name} takes more than {self._limit * count:g} s to step {states}"
-        hint = "raise system.simulator.time_limit if it needs longer"
-        return InputError(what + place_of(error), where=self.place, hint=hint)
 
     def sha256(self) -> str:
         """See :meth:`dashred.physics.external.adapter.Adapter.sha256`."""

@@ -12,15 +12,16 @@ from dashred.physics.external.command.command import open_command
 from dashred.physics.external.command.layout import Layout
 from dashred.physics.external.fmu.description import Description, read_description
 from dashred.physics.external.fmu.fmu import FmuAdapter
+from dashred.physics.external.fmu.fmu_tangents import FmuTangents
 from dashred.physics.external.function import FunctionAdapter, open_function, open_run
 from dashred.physics.external.partial import PartialProgram
-from dashred.physics.external.protocol import Program
+from dashred.physics.external.protocol import Program, Stepper
 from dashred.physics.external.stepped import SteppedProgram
 from dashred.physics.external.stepped_fields import stepped_fields
 from dashred.physics.external.tangents.checked_tangents import CheckedTangents
 from dashred.physics.external.trust import check_trusted, names_of
 from dashred.physics.grids.grid import Grid
-from dashred.physics.system_schema import System
+from dashred.physics.system_schema import ExternalSimulator, System
 
 _opened: dict[tuple[object, ...], Program] = {}
 
@@ -46,8 +47,7 @@ def open_program(config: System, where: Callable[[str], str], grid: Grid) -> Pro
         own = stepped_fields(config)
         adapter = _adapter(config, own, key, grid, place)
         program = SteppedProgram(adapter, grid, simulator.keep)
-        if isinstance(adapter, FunctionAdapter) and simulator.function is not None:
-            program.tangent = _offered_tangents(adapter, program, grid, simulator.keep)
+        program.tangent = _offered_tangents(adapter, program, grid, simulator)
         places = [i for i, field in enumerate(config.fields) if field in own]
         whole = len(places) == len(config.fields)
         _opened[known] = program if whole else PartialProgram(program, places, len(config.fields))
@@ -55,12 +55,16 @@ def open_program(config: System, where: Callable[[str], str], grid: Grid) -> Pro
 
 
 def _offered_tangents(
-    adapter: FunctionAdapter, program: Program, grid: Grid, keep: bool
-) -> CheckedTangents | None:
+    adapter: Adapter, program: Program, grid: Grid, simulator: ExternalSimulator
+) -> Stepper | None:
+    if isinstance(adapter, FmuAdapter) and adapter.offers_derivatives:
+        return SteppedProgram(FmuTangents(adapter), grid, simulator.keep)
+    if not isinstance(adapter, FunctionAdapter) or simulator.function is None:
+        return None
     offered = adapter.with_tangents()
     if offered is None:
         return None
-    tangent = SteppedProgram(offered, grid, keep)
+    tangent = SteppedProgram(offered, grid, simulator.keep)
     return CheckedTangents(tangent, program, offered.name, adapter.place)
 
 

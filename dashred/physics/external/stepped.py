@@ -17,6 +17,7 @@ from dashred.physics.external.adapter import Adapter, Unread
 from dashred.physics.external.conduct import Conduct
 from dashred.physics.external.examination import examine
 from dashred.physics.external.kept.kept_results import WORTH_KEEPING, KeptResults
+from dashred.physics.external.kept.recent_results import RecentResults
 from dashred.physics.external.protocol import Stepper
 from dashred.physics.external.rounding import equal
 from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
@@ -24,6 +25,8 @@ from dashred.physics.grids.grid import Grid
 
 # Rounding error that is assumed until the first step: that of single precision.
 SINGLE = 6e-8
+# An analysis ends if more than this share of the states cannot be stepped, and so many.
+MOST_FAILED, SOME_FAILED = 0.9, 10
 
 
 class SteppedProgram:
@@ -44,7 +47,7 @@ class SteppedProgram:
         """
         self._adapter, self._grid, self._keep = adapter, grid, keep
         self._conduct: Conduct | None = None
-        self._calls = 0
+        self._calls, self._recent = 0, RecentResults()
         self.tangent: Stepper | None = None
         self.forget_failures()
 
@@ -61,6 +64,8 @@ class SteppedProgram:
         self._last_failure: str | None = None
         # Steps of single states, including those whose results were kept.
         self._steps = self._failed_steps = 0
+        # Of those that the program was called for, and of these the ones without a result.
+        self._asked = self._lost = 0
 
     @property
     def conduct(self) -> Conduct:
@@ -110,7 +115,7 @@ class SteppedProgram:
     def _step(self, batch: StateBatch) -> Array:
         if self._conduct is None:
             self._open(batch)
-        result = self._step_or_find(batch) if self._keeps_results else self._step_all(batch)
+        result = self._step_or_find(batch)
         # A trajectory that is lost stays so, which is no failure.
         asked = _finite_rows(batch.states)
         self._steps += int(asked.sum())
@@ -119,13 +124,14 @@ class SteppedProgram:
 
     def _step_or_find(self, batch: StateBatch) -> Array:
         """Return the states after a step, from earlier results where they are known."""
-        known = self._results.find(batch)
+        results = self._results if self._keeps_results else self._recent
+        known = results.find(batch)
         result = np.stack([batch.states[0] if r is None else r for r in known])
         missing = [row for row, r in enumerate(known) if r is None]
         if missing:
             rest = batch.take(missing)
             result[missing] = found = self._step_all(rest)
-            self._results.keep(rest, found)
+            results.keep(rest, found)
         return result
 
     def _open(self, batch: StateBatch) -> None:
@@ -153,7 +159,8 @@ class SteppedProgram:
     def _step_all(self, batch: StateBatch) -> Array:
         result = self._step_groups(batch, self.conduct)
         if self.conduct.many and not self._is_same_alone(batch, result):
-            self._conduct = self.conduct.one_by_one()
+            # What batches have returned until now may be wrong as well.
+            self._conduct, self._recent = self.conduct.one_by_one(), RecentResults()
             return self._step_groups(batch, self._conduct)
         return result
 
@@ -205,7 +212,9 @@ class SteppedProgram:
                 return np.concatenate(rows)
             if _finite_rows(batch.states).any():
                 self._last_failure = f"{self._adapter.name} {error}"
+                self._lose(error)
             return np.full_like(batch.states, np.nan)
+        self._asked += len(batch)
         finite = _finite_rows(result)
         failed = np.flatnonzero(_finite_rows(batch.states) & ~finite)
         if failed.size:
@@ -213,6 +222,18 @@ class SteppedProgram:
             self._last_failure = f"{self._adapter.name} returns values that are not finite, {when}"
         result[~finite] = np.nan
         return result
+
+    def _lose(self, error: ProgramError) -> None:
+        """Count a state that cannot be stepped.
+
+        Raises:
+            InputError: so it is with nearly all states: an analysis would wait for nothing.
+        """
+        self._asked, self._lost = self._asked + 1, self._lost + 1
+        if self._lost >= SOME_FAILED and self._lost > MOST_FAILED * self._asked:
+            count = f"{self._lost} of {self._asked} steps"
+            what = f"{self._adapter.name} fails in {count}; in the last one it {error}"
+            raise InputError(what, where=self._adapter.place, hint=error.hint)
 
 
 def _finite_rows(states: Array) -> NDArray[np.bool_]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -57,23 +57,27 @@ def program_rates(system: System, states: Tensor, t: float | Tensor) -> Tensor:
 
 
 @torch.no_grad()
-def program_slopes(system: System, states: Tensor, t: float | Tensor, name: str) -> Tensor:
-    """Return the derivative of a program's rate by a parameter, ``(batch, field, *grid)``.
+def program_slopes(
+    system: System, states: Tensor, t: float | Tensor, names: Sequence[str]
+) -> Tensor:
+    """Return the derivatives of a program's rate by parameters, ``(name, batch, field, *grid)``.
 
-    It is extrapolated to a step of length zero, in which no effect has passed to other fields.
+    They are extrapolated to a step of length zero, in which no effect has passed to other fields.
+    This takes two steps from each state, and two more for each parameter.
 
     Args:
         system: with a program.
         states: ``(batch, field, *grid)``.
         t: one time for all states, or the time of each, ``(batch,)``.
-        name: of the parameter.
+        names: of the parameters.
     """
     assert system.program is not None
-    known, rounding = system.config.parameters, system.program.rounding
+    known = system.config.parameters
     found = []
     for h in (SHORT_STEP * system.dt, SHORT_STEP * system.dt / 2):
         step = partial(_program_step, system, states, t, h)
-        found.append(parameter_slopes(step, known, [name], rounding)[0] / h)
+        after = step(known)
+        found.append(parameter_slopes(step, after, known, names, system.program.rounding) / h)
     return torch.from_numpy(2 * found[1] - found[0])
 
 

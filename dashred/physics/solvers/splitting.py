@@ -142,13 +142,17 @@ class ProgramFlow:
             found[mine] = torch.from_numpy(self._step(state[mine].numpy(), t, h, changed))
         return found
 
-    def slopes(self, state: Tensor, t: float, h: float, names: Sequence[str]) -> Tensor:
+    def slopes(
+        self, state: Tensor, after: Tensor, t: float, h: float, names: Sequence[str]
+    ) -> Tensor:
         """Return the derivatives ``(name, field, *grid)`` of a step from a state by parameters.
 
-        The state is ``(field, *grid)``, and there is one change of each parameter.
+        The states before and after the step are ``(field, *grid)``, and there is one change of each
+        parameter.
         """
         found = parameter_slopes(
             lambda parameters: self._step(state[None].numpy(), t, h, parameters),
+            after[None].numpy(),
             self._changed(np.array([c[0] for c in self.changes.values()])),
             names,
             self.program.rounding,

@@ -89,7 +89,7 @@ def tangent_program(
         else:
             state, columns = push(flow, state, columns, step.t, step.h)
         if moved:
-            columns[[*moved]] += flow.slopes(before, step.t, step.h, [*moved.values()])
+            columns[[*moved]] += flow.slopes(before, state, step.t, step.h, [*moved.values()])
         if step.after is not None:
             state, columns = added(state, columns, *step.after, reach)
             yield state, columns

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 import torch
 
 from dashred.config import load_config
@@ -13,7 +15,8 @@ from dashred.inference.results.parameter_change import exact_change
 from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import cut
 from dashred.physics.library import resolve
-from dashred.physics.runs.tendency_size import tendency_size
+from dashred.physics.runs.tendency_size import program_slopes, tendency_size
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
 
 TEXT = """
@@ -115,6 +118,38 @@ def test_parameters_that_a_program_reads_are_candidates(tmp_path: Path) -> None:
     tendency = tendency_size(system, states, 0.0)[1]
     expected = float(tendency / torch.sin(states[:, 0]).square().mean().sqrt())
     assert 0.5 * expected < found[0].scale < 2 * expected
+
+
+def test_candidates_take_few_steps_and_have_the_sizes_of_the_equations(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    body = "simulator: {function: tests.programs.pendulum}"
+    words = "trust=tests.programs.pendulum", "recording.path=recorded.csv"
+    numbers = "{g: 4.0, unread: 2, other: 3}"
+    [program] = simulator(tmp_path, body, *words, parameters=numbers).systems
+    [known] = both(tmp_path)[0].systems
+    t = torch.linspace(0, 30, 301, dtype=torch.float64)
+    states = simulate(known, torch.tensor([[1.2, 0.3]]).double(), t)[0]
+    [slope] = program_slopes(program, states, t, ["g"])
+    exact = -torch.sin(states[:, 0])
+    torch.testing.assert_close(slope[:, 1], exact, rtol=0, atol=1e-6)
+    assert slope[:, 0].abs().max() < 1e-6
+    # A busy machine makes a program expensive.
+    monkeypatch.setattr("dashred.inference.forward.candidates.EXPENSIVE", np.inf)
+    own = program.program or pytest.fail()
+    step, counts = own.step, []
+
+    def counted(states: Any, *given: Any) -> Any:
+        counts.append(len(states))
+        return step(states, *given)
+
+    monkeypatch.setattr(own, "step", counted)
+    found = {c.name: c for c in build_candidates(program, [], states, t)}
+    # One step of each state, and two of each of 61 without a change and with three.
+    assert sum(counts) == 301 + 61 * 2 * (1 + 3)
+    expected = {c.name: c for c in build_candidates(known, [], states, t)}
+    assert found.keys() == {"g"}
+    assert found["g"].scale == pytest.approx(expected["g"].scale, rel=0.05)
 
 
 def test_differences_have_the_size_that_single_precision_needs(tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import monotonic
 
 from jinja2 import Template
 
@@ -16,10 +15,9 @@ from dashred.physics.external.command import netcdf_files, text_files
 from dashred.physics.external.command.layout import Layout
 from dashred.physics.external.command.process import run_process
 from dashred.physics.external.kept.contents import files_sha256
+from dashred.physics.external.patience import Patience
 from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
 
-# Each further state of a call may take so many times what one took in the first call.
-PATIENCE = 10
 INPUT, OUTPUT = "{input}", "{output}"
 
 
@@ -51,10 +49,8 @@ class CommandAdapter:
             place: location of its key.
         """
         self._words, self._template, self._files = tuple(words), template, tuple(files)
-        self._seconds, self._layout = seconds, layout
+        self._patience, self._layout = Patience(seconds), layout
         self._writer = netcdf_files.InputWriter(layout)
-        # Seconds for a state in the first call.
-        self._each = 0.0
         self.fields, self.place = layout.fields, place
         self.name = " ".join(Path(w).name if Path(w).is_absolute() else w for w in words)
 
@@ -79,9 +75,8 @@ class CommandAdapter:
             else:
                 text_files.write_input(given, batch, layout, self._template)
             words = [w.replace(INPUT, str(given)).replace(OUTPUT, str(result)) for w in self._words]
-            began = monotonic()
-            run_process(words, folder, self._seconds + PATIENCE * self._each * (len(batch) - 1))
-            self._each = self._each or (monotonic() - began) / len(batch)
+            with self._patience.call(len(batch)) as longest:
+                run_process(words, folder, longest)
             if not result.is_file():
                 raise ProgramError("ends without an error, but writes no output")
             if self._template is None:

@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
+from zipfile import ZipFile
 
 from dashred.core.errors import InputError, nearest
 
@@ -15,6 +17,7 @@ INTERFACES = {"model-exchange": MODEL_EXCHANGE, "co-simulation": CO_SIMULATION}
 # Values of `initial` of variables that may be set at the start.
 SETTABLE = ("exact", "approx")
 REALS = ("Real", "Float64")
+DIRECTIONAL = "providesDirectionalDerivative"
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,15 @@ class Description:
     def is_second(self) -> bool:
         """Whether it has FMI 2, else FMI 3."""
         return str(self.description.fmiVersion).startswith("2")
+
+    @property
+    def offers_derivatives(self) -> bool:
+        """Whether it says that it has directional derivatives; FMPy reads this of FMI 2 only."""
+        with ZipFile(self.path) as archive:
+            root = ElementTree.fromstring(archive.read("modelDescription.xml"))
+        own = root.find(self.kind)
+        name = DIRECTIONAL + ("" if self.is_second else "s")
+        return own is not None and own.get(name) in ("true", "1")
 
 
 def read_description(

@@ -9,6 +9,7 @@ import weakref
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cached_property, partial
 from tempfile import mkdtemp
 from typing import Any
 
@@ -21,6 +22,10 @@ from dashred.physics.external.state_batch import Array, ProgramError
 # Events at one time after which an FMU counts as stuck.
 MOST_EVENTS = 100
 LAST_MESSAGES = 5
+
+
+class NoDerivativesError(ProgramError):
+    """An FMU returns an error for its directional derivatives."""
 
 
 class Instance:
@@ -60,6 +65,7 @@ class Instance:
         size = len(description.order)
         self._buffer, self._slopes = np.zeros(size), np.zeros(size)
         self._events = np.zeros(self._event_indicators())
+        self._pointers = _pointer(self._buffer), _pointer(self._slopes), _pointer(self._events)
 
     @property
     def has_events(self) -> bool:
@@ -105,29 +111,59 @@ class Instance:
 
     def slopes(self, t: float, x: Array) -> Array:
         """Return the derivatives of the continuous states x at a time."""
-        self._buffer[:] = x
-        size = len(x)
         with self._last_words():
-            self._fmu.setTime(t)
-            self._fmu.setContinuousStates(_pointer(self._buffer), size)
+            self._set_states(t, x)
             if self._own.is_second:
-                self._fmu.getDerivatives(_pointer(self._slopes), size)
+                self._fmu.getDerivatives(self._pointers[1], len(x))
             else:
-                self._fmu.getContinuousStateDerivatives(_pointer(self._slopes), size)
+                self._fmu.getContinuousStateDerivatives(self._pointers[1], len(x))
         return self._slopes.copy()
+
+    def slopes_along(self, t: float, x: Array, directions: Array) -> tuple[Array, Array]:
+        """Return :meth:`slopes`, and their derivatives along directions, ``(state, direction)``.
+
+        Raises:
+            NoDerivativesError: the FMU returns an error for the derivatives.
+        """
+        slopes, along = self.slopes(t, x), np.empty_like(directions)
+        try:
+            with self._last_words():
+                for j in range(directions.shape[1]):
+                    self._buffer[:] = directions[:, j]
+                    self._derive()
+                    along[:, j] = self._slopes
+        except ProgramError as error:
+            raise NoDerivativesError(str(error)) from error
+        return slopes, along
+
+    @cached_property
+    def _derive(self) -> Callable[[], int]:
+        """A call that derives the slopes along the buffer."""
+        from ctypes import c_uint
+
+        size, unknowns = len(self._buffer), self._own.description.derivatives
+        many = c_uint * size
+        rates = many(*(each.variable.valueReference for each in unknowns))
+        states = many(*(each.variable.derivative.valueReference for each in unknowns))
+        along, result, _ = self._pointers
+        fmu = self._fmu
+        given = fmu.component, rates, size, states, size, along
+        if self._own.is_second:
+            return partial(fmu.fmi2GetDirectionalDerivative, *given, result)
+        return partial(fmu.fmi3GetDirectionalDerivative, *given, size, result, size)
 
     def signs(self, t: float, x: Array) -> NDArray[np.bool_]:
         """Return whether each event indicator is positive; an event is where one changes."""
         if self._events.size:
-            self.slopes(t, x)
             with self._last_words():
-                self._fmu.getEventIndicators(_pointer(self._events), self._events.size)
+                self._set_states(t, x)
+                self._fmu.getEventIndicators(self._pointers[2], self._events.size)
         return self._events > 0
 
     def complete_step(self, t: float, x: Array, is_event: bool) -> Array:
         """Tell the FMU that the states x are reached; return those after an event, if any."""
-        self.slopes(t, x)
         with self._last_words():
+            self._set_states(t, x)
             wants_event, ends = self._fmu.completedIntegratorStep()
             if ends:
                 raise ProgramError(f"ends its simulation at t = {t:g}")
@@ -135,8 +171,13 @@ class Instance:
                 return x
             self._fmu.enterEventMode()
             self._settle_events()
-            self._fmu.getContinuousStates(_pointer(self._buffer), len(x))
+            self._fmu.getContinuousStates(self._pointers[0], len(x))
         return self._buffer.copy()
+
+    def _set_states(self, t: float, x: Array) -> None:
+        self._buffer[:] = x
+        self._fmu.setTime(t)
+        self._fmu.setContinuousStates(self._pointers[0], len(x))
 
     def _settle_events(self) -> None:
         update = (

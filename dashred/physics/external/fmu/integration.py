@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +40,36 @@ def longest_step(integrate: Callable[[int], Array], dt: float) -> float:
     raise ProgramError(f"is too stiff for {MOST_STEPS} steps in {dt:g}", hint)
 
 
-def integrate(instance: Instance, x: Array, t: float, dt: float, steps: int) -> Array:
-    """Return the continuous states after dt.
+class Reached(NamedTuple):
+    """States that a step has reached.
+
+    Attributes:
+        t: time.
+        x: continuous states, after an event if there is one; NaN if they are not finite.
+        is_event: whether there is one.
+    """
+
+    t: float
+    x: Array
+    is_event: bool
+
+
+def runge_kutta(instance: Instance, x: Array, t: float, h: float) -> Array:
+    """Return the continuous states after a step of the classical method."""
+    k1 = instance.slopes(t, x)
+    k2 = instance.slopes(t + h / 2, x + h / 2 * k1)
+    k3 = instance.slopes(t + h / 2, x + h / 2 * k2)
+    k4 = instance.slopes(t + h, x + h * k3)
+    return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+
+Step = Callable[[Instance, Array, float, float], Array]
+
+
+def path(
+    instance: Instance, x: Array, t: float, dt: float, steps: int, step: Step = runge_kutta
+) -> Iterator[Reached]:
+    """Yield the continuous states after each step.
 
     A step ends at an event that is found in it by bisection.
 
@@ -50,9 +79,7 @@ def integrate(instance: Instance, x: Array, t: float, dt: float, steps: int) -> 
         t: time.
         dt: length of the whole.
         steps: number of steps.
-
-    Returns:
-        The states; NaN if they are not finite.
+        step: the method.
 
     Raises:
         ProgramError: the FMU fails.
@@ -61,9 +88,10 @@ def integrate(instance: Instance, x: Array, t: float, dt: float, steps: int) -> 
     signs = instance.signs(t, x)
     while end - t > 1e-9 * longest:
         h = min(longest, end - t, instance.next_event - t)
-        after = _step(instance, x, t, h)
+        after = step(instance, x, t, h)
         if not np.isfinite(after).all():
-            return np.full_like(x, np.nan)
+            yield Reached(end, np.full_like(x, np.nan), is_event=False)
+            return
         found = instance.signs(t + h, after)
         is_event = bool((found != signs).any())
         if is_event:
@@ -71,15 +99,7 @@ def integrate(instance: Instance, x: Array, t: float, dt: float, steps: int) -> 
         t += h
         x = instance.complete_step(t, after, is_event)
         signs = instance.signs(t, x) if is_event else found
-    return x
-
-
-def _step(instance: Instance, x: Array, t: float, h: float) -> Array:
-    k1 = instance.slopes(t, x)
-    k2 = instance.slopes(t + h / 2, x + h / 2 * k1)
-    k3 = instance.slopes(t + h / 2, x + h / 2 * k2)
-    k4 = instance.slopes(t + h, x + h * k3)
-    return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        yield Reached(t, x, is_event or x is not after)
 
 
 def _before_event(
@@ -89,11 +109,11 @@ def _before_event(
     before, beyond, after = 0.0, h, x
     for _ in range(BISECTIONS):
         middle = (before + beyond) / 2
-        states = _step(instance, x, t, middle)
+        states = runge_kutta(instance, x, t, middle)
         if (instance.signs(t + middle, states) != signs).any():
             beyond, after = middle, states
         else:
             before = middle
         if math.isclose(before, beyond, rel_tol=1e-12):
             break
-    return beyond, _step(instance, x, t, beyond) if after is x else after
+    return beyond, runge_kutta(instance, x, t, beyond) if after is x else after

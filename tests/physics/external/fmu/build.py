@@ -11,6 +11,8 @@ from zipfile import ZipFile
 
 import pytest
 
+from dashred.physics.external.fmu.description import DIRECTIONAL
+
 SOURCE = Path(__file__).with_name("oscillator.c")
 VARIABLES = {
     "x": ("output", "continuous", "exact", 1, ""),
@@ -30,17 +32,35 @@ def build(
     kinds: str = "ModelExchange CoSimulation",
     events: int = 0,
     platform: str = "",
+    bent: int = 0,
+    derivatives: float | None = None,
+    offers: bool = False,
 ) -> Path:
-    """Return the path of an FMU of ``FMI version`` with these kinds."""
+    """Return the path of an FMU of ``FMI version`` with these kinds.
+
+    Args:
+        folder: of the FMU.
+        version: 2 or 3.
+        kinds: that it offers.
+        events: number of its event indicators, 0 or 1.
+        platform: of its library; empty for this one.
+        bent: 1 for van der Pol's oscillator.
+        derivatives: factor of its directional derivatives; None if it has none.
+        offers: whether it says that it has them.
+    """
     fmpy = pytest.importorskip("fmpy")
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None:
         pytest.skip("there is no C compiler")
     library = folder / "oscillator.so"
-    code = f"#define FMI {version}\n#define EVENTS {events}\n{SOURCE.read_text()}\n"
+    code = f"#define FMI {version}\n#define EVENTS {events}\n#define BENT {bent}\n"
+    if derivatives is not None:
+        code += f"#define DERIVATIVES {derivatives}\n"
+    code += f"{SOURCE.read_text()}\n"
     # FMPy loads all functions of the standard, though it calls few.
     for name in _functions(version):
-        if not re.search(rf"\b{name}\(", code):
+        is_absent = derivatives is None and name.endswith("DirectionalDerivative")
+        if is_absent or not re.search(rf"\b{name}\(", code):
             code += f"int {name}(void) {{ return 3; }}\n"
     (folder / "all.c").write_text(code)
     words = [compiler, "-shared", "-fPIC", "-w", "-o", str(library), str(folder / "all.c")]
@@ -49,7 +69,9 @@ def build(
     native = fmpy.platform if version == 2 else fmpy.platform_tuple
     with ZipFile(path, "w") as archive:
         archive.write(library, f"binaries/{platform or native}/oscillator{library.suffix}")
-        archive.writestr("modelDescription.xml", description(version, kinds.split(), events))
+        archive.writestr(
+            "modelDescription.xml", description(version, kinds.split(), events, offers)
+        )
     return path
 
 
@@ -61,7 +83,7 @@ def _functions(version: int) -> list[str]:
     return sorted({name for name in members if name.startswith(f"fmi{version}")})
 
 
-def description(version: int, kinds: list[str], events: int) -> str:
+def description(version: int, kinds: list[str], events: int, offers: bool) -> str:
     """Return the description of the model."""
     numbers = {name: index for index, name in enumerate(VARIABLES, start=1)}
     lines = []
@@ -85,9 +107,10 @@ def description(version: int, kinds: list[str], events: int) -> str:
         root = 'fmiVersion="3.0" instantiationToken="{1}"'
         structure = "".join(f'<ContinuousStateDerivative valueReference="{i}"/>' for i in states)
         structure += '<EventIndicator valueReference="1"/>' * events
-    offers = "".join(f'<{kind} modelIdentifier="oscillator"/>' for kind in kinds)
+    own = f'{DIRECTIONAL}{"" if version == 2 else "s"}="true"' if offers else ""
+    interfaces = "".join(f'<{kind} modelIdentifier="oscillator" {own}/>' for kind in kinds)
     return (
-        f'<?xml version="1.0"?><fmiModelDescription {root} modelName="oscillator">{offers}'
+        f'<?xml version="1.0"?><fmiModelDescription {root} modelName="oscillator">{interfaces}'
         f"<ModelVariables>{''.join(lines)}</ModelVariables>"
         f"<ModelStructure>{structure}</ModelStructure></fmiModelDescription>"
     )

@@ -1,5 +1,7 @@
 /* x' = v, v' = -k x - c v + f + n t, as an FMU of FMI 2 or 3 (macro FMI).
-   With the macro EVENTS it bounces where x = -0.5: v becomes -0.7 v. */
+   With the macro EVENTS it bounces where x = -0.5: v becomes -0.7 v.
+   With the macro BENT the damping is c (x² - 1) v: van der Pol's oscillator.
+   The macro DERIVATIVES is the factor of its directional derivatives; without it there are none. */
 #include <stdbool.h>
 #include <stdlib.h>
 
@@ -19,8 +21,27 @@ static void reset(Model *m) {
 static void tendency(Model *m) {
     double *u = m->value;
     u[DX] = u[V];
-    u[DV] = -u[K] * u[X] - u[C] * u[V] + u[F] + u[N] * u[TIME];
+    u[DV] = -u[K] * u[X] - u[C] * (BENT ? u[X] * u[X] - 1 : 1) * u[V] + u[F] + u[N] * u[TIME];
 }
+
+#ifdef DERIVATIVES
+static double partial(Model *m, unsigned unknown, unsigned known) {
+    double *u = m->value;
+    if (unknown == DX) return known == V;
+    if (known == X) return -u[K] - (BENT ? 2 * u[C] * u[X] * u[V] : 0);
+    return known == V ? -u[C] * (BENT ? u[X] * u[X] - 1 : 1) : 0;
+}
+
+static int get_along(Model *m, const unsigned *unknowns, size_t rows, const unsigned *knowns,
+                     size_t columns, const double *seed, double *result) {
+    for (size_t i = 0; i < rows; i++) {
+        result[i] = 0;
+        for (size_t j = 0; j < columns; j++)
+            result[i] += DERIVATIVES * partial(m, unknowns[i], knowns[j]) * seed[j];
+    }
+    return 0;
+}
+#endif
 
 static int failed(Model *m, const char *message) {
 #if FMI == 2
@@ -144,6 +165,13 @@ int fmi2CompletedIntegratorStep(Model *m, int keeps, int *event, int *ends) {
     return 0;
 }
 int fmi2Terminate(Model *m) { return 0; }
+#ifdef DERIVATIVES
+int fmi2GetDirectionalDerivative(Model *m, const unsigned *unknowns, size_t rows,
+                                 const unsigned *knowns, size_t columns, const double *seed,
+                                 double *result) {
+    return get_along(m, unknowns, rows, knowns, columns, seed, result);
+}
+#endif
 int fmi2DoStep(Model *m, double t, double dt, int keeps) { return do_step(m, t, dt); }
 #else
 void *fmi3InstantiateModelExchange(const char *name, const char *token, const char *path,
@@ -193,6 +221,13 @@ int fmi3CompletedIntegratorStep(Model *m, bool keeps, bool *event, bool *ends) {
     return 0;
 }
 int fmi3Terminate(Model *m) { return 0; }
+#ifdef DERIVATIVES
+int fmi3GetDirectionalDerivative(Model *m, const unsigned *unknowns, size_t rows,
+                                 const unsigned *knowns, size_t columns, const double *seed,
+                                 size_t n, double *result, size_t size) {
+    return get_along(m, unknowns, rows, knowns, columns, seed, result);
+}
+#endif
 int fmi3DoStep(Model *m, double t, double dt, bool keeps, bool *event, bool *ends, bool *early,
                double *last) {
     *event = *ends = *early = false, *last = t + dt;
