@@ -14,6 +14,7 @@ from dashred.core.errors import InputError, nearest
 from dashred.core.stated.column_names import SENSOR, VALUE
 from dashred.core.stated.record_part import WHOLE, RecordPart
 from dashred.core.units import TIME
+from dashred.data.clocks.record_part import EmptySensorsError
 from dashred.data.io.reader import read_episodes
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.io.tables.columns import Columns
@@ -79,6 +80,7 @@ class GuessedSystem:
         inputs: column of each input, by name: that of the column.
         held_inputs: columns of inputs that change in steps.
         left_out: columns of numbers that are no fields: a counter of the rows, a constant.
+        empty: columns that are left out, because they are empty in the part that is used.
         units: a unit of time for dates.
         texts: columns that are left out, but may name the sensor of each row.
     """
@@ -89,6 +91,7 @@ class GuessedSystem:
     inputs: dict[str, str] = field(default_factory=dict)
     held_inputs: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
+    empty: tuple[str, ...] = ()
     units: dict[str, str] = field(default_factory=dict)
     texts: tuple[str, ...] = ()
 
@@ -150,8 +153,26 @@ def read_recording(
     guessed = replace(guessed, texts=unclear)
     # The recording is read again below. Free the first copy, because it may be large.
     del own, table
-    read = read_episodes(path, sensors_table, guessed, replace(layout, ignored=[*unread, *texts]))
+    ignored = [*unread, *texts]
+    try:
+        read = read_episodes(path, sensors_table, guessed, replace(layout, ignored=ignored))
+    except EmptySensorsError as error:
+        guessed = _without(guessed, error)
+        ignored += guessed.empty
+        read = read_episodes(path, sensors_table, guessed, replace(layout, ignored=ignored))
     return guessed, [episode.recording for episode in read.episodes], layout
+
+
+def _without(guessed: GuessedSystem, error: EmptySensorsError) -> GuessedSystem:
+    """Return an ODE system without the fields of empty columns.
+
+    Raises:
+        EmptySensorsError: the sensors are in space, or no field is left.
+    """
+    fields = tuple(name for name in guessed.fields if name not in error.names)
+    if guessed.axes or not fields:
+        raise error
+    return replace(guessed, fields=fields, empty=error.names)
 
 
 def _column(table: Columns, layout: TableLayout, name: str, argument: str) -> str:

@@ -74,3 +74,12 @@ def test_runs_side_by_side_are_episodes(
     assert found == {"columns": columns, "fields": ["x"]}
     said = "the groups of columns, Cup 1, Cup 2, are read as episodes" in capsys.readouterr().out
     assert said == (columns is not None)
+
+
+def test_a_column_that_begins_after_the_part_is_left_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [f"{t},{np.sin(t):.3f},{'' if t < 6 else np.cos(t)}" for t in TIMES]
+    found = written(tmp_path, "\n".join(["time,x,late", *rows, ""]), "end=5")
+    assert found["fields"] == ["x"]
+    assert "left out: late (no values in the part that is used)" in capsys.readouterr().out
