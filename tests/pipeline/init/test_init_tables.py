@@ -76,6 +76,12 @@ def test_runs_side_by_side_are_episodes(
     assert said == (columns is not None)
 
 
+def test_a_date_and_a_time_of_day_are_found_by_their_cells(tmp_path: Path) -> None:
+    rows = [f"{np.sin(i):.3f};{1 + i // 8}.3.2026;{2 * (i % 8):02d}:30:00" for i in range(16)]
+    found = written(tmp_path, "\n".join(["Pegel;Datum;Uhrzeit", *rows, ""]))
+    assert found == {"columns": {"date": "Datum", "time": "Uhrzeit"}, "fields": ["Pegel"]}
+
+
 def test_a_column_that_begins_after_the_part_is_left_out(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
