@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -35,6 +36,8 @@ POINTS = {1: 64, 2: 32}
 MANY_FIELDS, MAX_FIELDS = 8, 64
 # An input that repeats its value in more than this share of the rows changes in steps.
 HELD = 0.5
+# A name before the number in a cell: T:85.05, or T=85.05.
+LABEL = re.compile(r"[A-Za-z]\w*\s*[:=]\s*(?=[-+.\d])")
 # Unit of time for dates, by the shortest step in seconds.
 TIME_UNITS = {"d": 0.5 * 86400.0, "h": 600.0, "min": 10.0, "s": 0.0}
 # Key in system.spread of the correlation length of the start, so no field can have this name.
@@ -223,7 +226,12 @@ def _system_from_columns(table: Columns, others: Sequence[str]) -> GuessedSystem
     left_out = left_out if len(left_out) < len(numbers) else ()
     fields = tuple(column for column in numbers if column not in left_out)
     if not fields:
-        raise InputError("there is no column of numbers besides time", where=table.path)
+        hint = None
+        labelled = (cell for name in columns for cell in table.texts(name)[:1] if LABEL.match(cell))
+        if (cell := next(labelled, None)) is not None:
+            number = LABEL.sub("", cell)
+            hint = f"write the number alone, {number} in place of {cell}, and name the columns"
+        raise InputError("there is no column of numbers besides time", where=table.path, hint=hint)
     if len(fields) > MAX_FIELDS:
         what = f"{len(fields)} columns besides time are too many for the fields of an ODE"
         hint = "if they are sensors of a field in space, give their positions: sensors=TABLE.csv"

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dashred.config import load_config
+from dashred.core.errors import InputError
 from dashred.pipeline.init import command
 
 TIMES = 0.5 * np.arange(16)
@@ -74,6 +75,13 @@ def test_runs_side_by_side_are_episodes(
     assert found == {"columns": columns, "fields": ["x"]}
     said = "the groups of columns, Cup 1, Cup 2, are read as episodes" in capsys.readouterr().out
     assert said == (columns is not None)
+
+
+def test_names_within_the_cells_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "r.txt"
+    path.write_text("".join(f"14:21:{i:02d}.123 -> T:8{i}.5 A:21.9\n" for i in range(16)))
+    with pytest.raises(InputError, match=r"number alone, 81\.5 in place of T:81\.5"):
+        command.main([f"path={path}", f"output={tmp_path / 'mine.yaml'}"])
 
 
 def test_a_date_and_a_time_of_day_are_found_by_their_cells(tmp_path: Path) -> None:

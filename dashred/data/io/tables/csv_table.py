@@ -21,6 +21,7 @@ from dashred.data.io.tables.table_dialect import (
     DATE,
     TableText,
     find_header,
+    remove_thousands_separators,
     write_decimals_with_a_point,
 )
 from dashred.data.io.tables.table_encoding import other_encoding
@@ -175,7 +176,9 @@ def table_of(
         InputError: a row has another number of cells, or points that may separate thousands.
     """
     check_rectangular(path, columns, rows, lines)
-    if text.separator != COMMA:
+    if text.separator == COMMA:
+        remove_thousands_separators(rows)
+    else:
         write_decimals_with_a_point(rows, lines, path)
     return Table(path, columns, rows, lines, units, header)
 

@@ -22,6 +22,7 @@ QUOTED = re.compile(r'"[^"]*"')
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 THOUSANDS = re.compile(r"[+-]?\d{1,3}(\.\d{3})+(,\d+)?")
+ENGLISH_THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+(\.\d*)?")
 # 2024-05-17, 17.05.24, 5/17/2024, 12:30.
 DATE = re.compile(r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}|\d{1,2}:\d{2}")
 # Rows that are searched for decimal commas, and lines that are searched for the header.
@@ -132,6 +133,24 @@ def _is_value(cell: str) -> bool:
 def _names_all(cells: Sequence[str]) -> bool:
     names = [cell.strip() for cell in cells]
     return len(set(names)) == len(names) and "" not in names[:-1]
+
+
+def remove_thousands_separators(rows: list[list[str]]) -> None:
+    """Remove the commas of quoted numbers such as ``"1,234.5"``, in place.
+
+    Only a point as well shows that the comma separates thousands: ``"1,234"`` stays as it is,
+    unless another cell of its column shows it.
+    """
+    columns = {
+        index
+        for row in rows[:HEAD]
+        for index, cell in enumerate(row)
+        if "," in cell and "." in cell and ENGLISH_THOUSANDS.fullmatch(cell.strip())
+    }
+    for row in rows if columns else ():
+        for index in columns:
+            if ENGLISH_THOUSANDS.fullmatch(row[index].strip()):
+                row[index] = row[index].replace(",", "")
 
 
 def write_decimals_with_a_point(rows: list[list[str]], lines: Sequence[int], path: str) -> None:
