@@ -9,6 +9,8 @@ import pytest
 
 from dashred.config import load_config
 from dashred.core.errors import InputError
+from dashred.data.io.tables.recording_table import read_recording_table
+from dashred.data.io.tables.table_layout import TableLayout
 from dashred.pipeline.init import command
 
 TIMES = 0.5 * np.arange(16)
@@ -75,6 +77,20 @@ def test_runs_side_by_side_are_episodes(
     assert found == {"columns": columns, "fields": ["x"]}
     said = "the groups of columns, Cup 1, Cup 2, are read as episodes" in capsys.readouterr().out
     assert said == (columns is not None)
+
+
+def test_one_column_for_each_subject_is_an_episode_each(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [f"{t},{np.sin(t):.3f},{'' if t == 2 else np.cos(t)}" for t in TIMES]
+    table = "\n".join(["Time (h),Subject 1 (mg/L),Subject 2 (mg/L)", *rows, ""])
+    found = written(tmp_path, table)
+    assert found == {"columns": {"episode": "Subject 1"}, "fields": ["response"]}
+    assert "Subject 1, Subject 2, are read as episodes" in capsys.readouterr().out
+    config = load_config([f"conf={tmp_path / 'mine.yaml'}"], entry="train")
+    layout = TableLayout(headers=config.recording.columns)
+    read = read_recording_table(str(tmp_path / "r.csv"), layout)
+    assert len(read) == 31 and read.units == {"Time": "h", "response": "mg/L"}
 
 
 def test_names_within_the_cells_are_told(tmp_path: Path) -> None:

@@ -27,8 +27,9 @@ def read_recording_table(path: str, layout: TableLayout) -> Table:
         InputError: as :func:`dashred.data.io.tables.csv_table.read_table`, or there are no names.
     """
     text, rows, lines = read_cells(path, find_recording)
-    if text.groups is not None and len(layout.every_name or ()) != len(rows[0]):
-        return _grouped_table(path, layout, text, text.groups, rows, lines)
+    groups, named = text.groups, len(layout.every_name or ())
+    if groups is not None and groups.are_meant(layout) and named != len(rows[0]):
+        return _grouped_table(path, layout, text, groups, rows, lines)
     header, names, below = lines[0], layout.every_name, text.below_header
     units_row = [cell.strip(" ()[]") for cell in rows[1]] if below else []
     if names is None:
