@@ -166,7 +166,7 @@ def discover(
             told is not None and segments is not None and is_explained(with_few_terms(segments))
         )
         with stage("compare hypotheses", seconds) as report:
-            seen = replace(selection.objective.noise, available=objective.noise.available)
+            seen = selection.objective.noise.over(objective.noise)
             deadline = problem.deadline("compare hypotheses")
             compared = None
             if not has_model_error:
