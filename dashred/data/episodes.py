@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
-from dashred.data.checks import MIN_EPISODE_SAMPLES
+from dashred.data.checks import MAX_ABS_VALUE, MIN_EPISODE_SAMPLES
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 
@@ -168,10 +168,12 @@ def runs_of_clock(times: NDArray[np.float64]) -> list[EpisodeRows]:
     Args:
         times: of all rows, ``(row,)``.
     """
+    if not (np.abs(times) <= MAX_ABS_VALUE).all():
+        return []
     steps = np.diff(times)
     back = np.flatnonzero(steps < 0) + 1
     edges = [0, *back.tolist(), len(times)]
-    if not len(back) or np.diff(edges).min() < MIN_EPISODE_SAMPLES:
+    if not len(back) or not (steps > 0).any() or np.diff(edges).min() < MIN_EPISODE_SAMPLES:
         return []
     if (times[back] > times[0] + np.median(steps[steps > 0])).any():
         return []

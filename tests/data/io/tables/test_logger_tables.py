@@ -66,6 +66,13 @@ def test_a_clock_that_starts_again_begins_an_episode(write: Write, ode) -> None:
         read_episodes(write("r.csv", back), None, ode)
 
 
+@pytest.mark.parametrize("cells", [["5"] * 8 + ["0"] * 8, ["inf"] * 16])
+def test_a_clock_that_stands_still_does_not_start_again(write: Write, ode, cells) -> None:
+    lines = [f"{cell},1,2" for cell in cells]
+    with pytest.raises(InputError, match="time"):
+        read_episodes(write("r.csv", "\n".join(["time,u,v", *lines, ""])), None, ode)
+
+
 def test_a_time_that_is_repeated_is_counted(write: Write, ode) -> None:
     lines = [f"{0.1 * (i // 2):.1f},{i},1" for i in range(40)]
     with pytest.raises(InputError, match="20 rows repeat the time of the row before"):
