@@ -160,6 +160,12 @@ def _check_times(times: NDArray[np.float64], place: Locate) -> None:
         fault = "is repeated" if times[row] == times[row - 1] else "decreases"
         problem = f"time {fault}: {times[row]:.10g} after {times[row - 1]:.10g}"
         hint = "times must increase from each sample to the next"
+        if times[row] == times[row - 1]:
+            count = int((times[1:] == times[:-1]).sum())
+            rows = "this row repeats" if count == 1 else f"{count} rows repeat"
+            hint += f"; {rows} the time of the row before: keep one row for each time"
+        else:
+            hint += "; if the clock was started again, name the runs in a column 'episode'"
         raise InputError(problem, where=place(row, "time"), hint=hint)
 
 

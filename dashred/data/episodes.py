@@ -11,7 +11,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dashred.core.errors import InputError
+from dashred.data.checks import MAX_ABS_VALUE, MIN_EPISODE_SAMPLES
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 
@@ -154,3 +158,23 @@ def split_into_episodes(labels: Sequence[str], where: Callable[[int], str]) -> l
             raise InputError(problem, where=where(begin), hint=hint)
         found.append(EpisodeRows(name, slice(begin, end)))
     return found
+
+
+def runs_of_clock(times: NDArray[np.float64]) -> list[EpisodeRows]:
+    """Return the runs of a clock that starts again at its first time; none if it does not.
+
+    A time that goes back to another one, or after a few samples, is rather an error.
+
+    Args:
+        times: of all rows, ``(row,)``.
+    """
+    if not (np.abs(times) <= MAX_ABS_VALUE).all():
+        return []
+    steps = np.diff(times)
+    back = np.flatnonzero(steps < 0) + 1
+    edges = [0, *back.tolist(), len(times)]
+    if not len(back) or not (steps > 0).any() or np.diff(edges).min() < MIN_EPISODE_SAMPLES:
+        return []
+    if (times[back] > times[0] + np.median(steps[steps > 0])).any():
+        return []
+    return [EpisodeRows(str(k), slice(*pair)) for k, pair in enumerate(pairwise(edges), 1)]

@@ -39,6 +39,18 @@ def act(times: Array, values: Array, hold: bool, delay: float) -> tuple[Array, A
     return knots, levels
 
 
+def jump_times(times: Array, values: Array, delay: float) -> Array:
+    """Return the times at which a held input jumps, ``(jump,)``.
+
+    Args:
+        times: of the samples, increasing, ``(sample,)``.
+        values: ``(sample,)``.
+        delay: time after which a sample acts, at least 0.
+    """
+    at = times[_jumps(values)] + delay
+    return at[at < times[-1]] if delay else at
+
+
 def fill_gaps(times: Array, values: Array, hold: bool) -> Array:
     """Return the values of an input at all times, where some are missing (NaN).
 
@@ -61,10 +73,15 @@ def _steps(times: Array, values: Array) -> tuple[Array, Array]:
     """Return the knots of a staircase; only samples with a new value are jumps."""
     resolution = float(np.spacing(np.abs(times).max()))
     width = max(JUMP * float(np.diff(times).min()), 4 * resolution)
-    jumps = np.flatnonzero(values[1:] != values[:-1]) + 1
+    jumps = _jumps(values)
     at, before, after = times[jumps], values[jumps - 1], values[jumps]
     inner = np.column_stack([at - width, at]).ravel()
     levels = np.column_stack([before, after]).ravel()
     if not len(jumps) or jumps[-1] < len(times) - 1:
         inner, levels = np.append(inner, times[-1]), np.append(levels, values[-1])
     return np.append(times[:1], inner), np.append(values[:1], levels)
+
+
+def _jumps(values: Array) -> NDArray[np.intp]:
+    """Return the samples whose value is not that of the sample before."""
+    return np.flatnonzero(values[1:] != values[:-1]) + 1

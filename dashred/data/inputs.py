@@ -11,7 +11,7 @@ from torch import Tensor
 
 from dashred.config import Config
 from dashred.core.errors import InputError
-from dashred.data.input_action import act
+from dashred.data.input_action import act, jump_times
 from dashred.physics.backends.input_signals import NO_INPUTS, InputSignals
 from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions.algebra import Expr, names
@@ -113,4 +113,10 @@ def with_inputs(system: System, inputs: InputSignals) -> System:
     if any(curve_times is not times for curve_times, _ in curves.values()):
         times = np.unique(np.concatenate([own for own, _ in curves.values()]))
     values = {name: np.interp(times, *curve) for name, curve in curves.items()}
-    return System(system.config, system.where, InputSignals(times, values))
+    held = [
+        jump_times(inputs.times, inputs.values[column], declared[name].delay)
+        for name, column in system.inputs.items()
+        if declared[name].hold
+    ]
+    jumps = np.unique(np.concatenate([np.zeros(0), *held]))
+    return System(system.config, system.where, InputSignals(times, values, jumps))

@@ -92,6 +92,14 @@ class System(Declaration):
         return Extension(self.grid.axes[0], conditions, self.input_signals)
 
     @property
+    def jumps(self) -> Array:
+        """Times at which a held input jumps, and a step ends; none for a program.
+
+        The steps of a program have the same length, because it may be prepared for one length.
+        """
+        return NO_INPUTS.jumps if self.config.simulator else self.input_signals.jumps
+
+    @property
     def program(self) -> protocol.Program | None:
         """The program that is stepped beside the equations; None if these are all there is."""
         if self.config.simulator is None:

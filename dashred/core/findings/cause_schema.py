@@ -20,7 +20,12 @@ Verdict = Literal[
 then less accurate on held-out data than the simulator from its own best start.
 """
 
-NotConverged = Literal["window-not-reached", "law-not-fitted", "misfit-unexplained", "budget"]
+NotConverged = Literal[
+    "window-not-reached", "law-not-fitted", "law-incomplete", "misfit-unexplained", "budget"
+]
+"""Why a search did not converge. The fit of an incomplete law has ended, but all candidates
+together explain more of the recording.
+"""
 
 
 class FaultCurve(TypedDict):
@@ -96,6 +101,8 @@ Cause = TypedDict(
         "samples_in_all": int,
         "misfit": float,
         "misfit_of_all": float,
+        # Probability that noise alone makes the misfit of all candidates so much lower.
+        "chance": float,
         "unexplained": float,
         "budget": float,
         # Unresolved numerics.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NoReturn
 
@@ -15,6 +15,19 @@ from dashred.data.checks import fewest_samples
 from dashred.data.episodes import Episode, Episodes
 
 ROUNDING = 1e-12
+
+
+class EmptySensorsError(InputError):
+    """Sensors have no values in the part of the recording that is used.
+
+    Attributes:
+        names: of the sensors.
+    """
+
+    def __init__(self, names: Sequence[str], what: str, *, where: str, hint: str) -> None:
+        """Store the names beside the parts of the message."""
+        super().__init__(what, where=where, hint=hint)
+        self.names = tuple(names)
 
 
 def part_of(
@@ -31,8 +44,8 @@ def part_of(
         of_date: returns the time of a date, NaN if it is none; None if the times are numbers.
 
     Raises:
-        InputError: a bound is a date that cannot be used, or too few samples or no values of a
-            sensor are left.
+        InputError: a bound is a date that cannot be used, or too few samples are left.
+        EmptySensorsError: no values of a sensor are left.
     """
     if part.is_whole:
         return episodes
@@ -50,11 +63,13 @@ def part_of(
     for episode in left:
         empty = np.isnan(episode.recording.values).all(axis=0)
         if empty.any():
-            name = episode.recording.names[int(empty.argmax())]
-            problem = f"sensor {name!r} has no values in the part {part}"
+            names = [episode.recording.names[i] for i in np.flatnonzero(empty).tolist()]
+            listed = ", ".join(map(repr, names))
+            verb = "sensors {} have" if len(names) > 1 else "sensor {} has"
+            problem = f"{verb.format(listed)} no values in the part {part}"
             where = f"{path}, episode {episode.name!r}" if episode.name else path
-            hint = f"change {BEGIN} or {END}, or remove the column"
-            raise InputError(problem, where=where, hint=hint)
+            hint = f"change {BEGIN} or {END}, or leave them out: recording.ignore=[NAME]"
+            raise EmptySensorsError(names, problem, where=where, hint=hint)
     return replace(episodes, episodes=tuple(left))
 
 

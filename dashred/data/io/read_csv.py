@@ -17,7 +17,7 @@ from dashred.data.checks import (
     fewest_samples,
 )
 from dashred.data.clocks.record_part import part_of
-from dashred.data.episodes import Episode, EpisodeRows, Episodes, split_into_episodes
+from dashred.data.episodes import Episode, EpisodeRows, Episodes, runs_of_clock, split_into_episodes
 from dashred.data.input_action import fill_gaps
 from dashred.data.io.sensor_columns import (
     check_ignored,
@@ -116,6 +116,7 @@ def episodes_of_table(
     times = clock.values
     if len(parts) == 1:
         _check_one_run(table, times, time)
+        parts = runs_of_clock(times) or parts
     inputs = _inputs(table, system, stated)
     others = (*RESERVED, *time.columns, *system.inputs.values(), *ignored)
     columns = [column for column in table.columns if column not in others]

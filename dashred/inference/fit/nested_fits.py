@@ -31,9 +31,14 @@ class RoomLeft:
     chance: float
 
     @property
+    def is_fitted(self) -> bool:
+        """Whether the fit of the law has ended."""
+        return self.decrease < LEAST_DECREASE
+
+    @property
     def is_insignificant(self) -> bool:
         """Whether the law is fitted, and what all candidates gain may be noise."""
-        return self.decrease < LEAST_DECREASE and self.chance > SIGNIFICANCE
+        return self.is_fitted and self.chance > SIGNIFICANCE
 
 
 def room_left(objective: LeastSquaresProblem, law: RefittedSet, free: Tensor) -> RoomLeft:

@@ -66,6 +66,10 @@ class NoiseModel:
         rest = rest / (1 - rho**2 * follows).sqrt()
         return torch.cat([scaled[..., :1, :], rest], dim=-2)
 
+    def over(self, samples: NoiseModel) -> NoiseModel:
+        """Return the model with the samples of another one of the same sensors."""
+        return replace(samples, std=self.std, correlation=self.correlation)
+
     def scaled(self, factor: float) -> NoiseModel:
         """Return the model with all σ multiplied by a factor."""
         return replace(self, std=self.std * factor)

@@ -137,8 +137,10 @@ def _not_converged(discovery: Discovery, unexplained: float | None) -> Cause | N
         cause["samples"], cause["samples_in_all"] = samples, len(discovery.noise.available)
         return cause
     if _is_stuck(discovery):
-        cause["reason"] = "law-not-fitted"
+        cause["reason"], room = "law-not-fitted", discovery.room_left
         cause["misfit"], cause["misfit_of_all"] = discovery.best.chi2, discovery.free_chi2
+        if room is not None and room.is_fitted:
+            cause["reason"], cause["chance"] = "law-incomplete", room.chance
         return cause
     is_empty = not discovery.best.candidates and not discovery.best.faults
     if (

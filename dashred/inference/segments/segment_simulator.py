@@ -21,6 +21,7 @@ from dashred.inference.forward.candidates import Candidate
 from dashred.inference.segments.nearby_steps import NearbySteps, step_of
 from dashred.inference.segments.program_step import ProgramStep
 from dashred.inference.segments.segments import Array, Segments
+from dashred.inference.segments.substeps import divided
 from dashred.inference.segments.tendency import Tendency
 from dashred.physics.runge_kutta import CLASSICAL, Tableau
 from dashred.physics.solvers.schedule import round_up
@@ -47,13 +48,11 @@ class SegmentSimulator:
         self.tableau = systems[0].tableau or FALLBACK
         program, known = systems[0].program, systems[0].config.parameters
         self.program = None if program is None else step_of(program, known)
+        parts = substeps if program is None else HALVES * substeps
+        jumps = [system.jumps for system in systems]
+        self._begins, self._steps = divided(segments, parts, jumps)
         # Runge-Kutta steps from one sample to the next.
-        self._parts = substeps if program is None else HALVES * substeps
-        intervals = np.diff(segments.times, axis=1)
-        self._steps = np.repeat(intervals, self._parts, axis=1).T / self._parts
-        parts = np.arange(self._parts) / self._parts
-        begins = segments.times[:, :-1, None] + intervals[:, :, None] * parts
-        self._begins = begins.reshape(segments.count, -1).T
+        self._parts = len(self._steps) // (segments.times.shape[1] - 1)
         self._tendencies: dict[tuple[Candidate, ...], Tendency] = {}
 
     def with_substeps(self, substeps: int) -> SegmentSimulator:

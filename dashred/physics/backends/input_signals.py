@@ -6,7 +6,7 @@ The first and the last value are held outside of the recording.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -22,10 +22,13 @@ class InputSignals:
     Attributes:
         times: sample times on the recording's clock, increasing, ``(sample,)``.
         values: samples by name of the input in the equations, ``(sample,)`` each.
+        jumps: times at which an input jumps, increasing, ``(jump,)``. The sample at such a time is
+            that after the jump.
     """
 
     times: Array
     values: Mapping[str, Array]
+    jumps: Array = field(default_factory=lambda: np.zeros(0))
 
     def at(self, t: float | Array) -> dict[str, Array]:
         """Return every input at times ``t``, with the shape of ``t``."""

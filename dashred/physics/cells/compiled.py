@@ -41,7 +41,7 @@ from dashred.physics.expressions.semilinear import (
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.system import System, Term
 
-Schedule = Callable[[Sequence[float], float], Iterable[StepTuple]]
+Schedule = Callable[[Sequence[float], float, Array], Iterable[StepTuple]]
 
 
 class WeightLayout(Protocol):
@@ -63,7 +63,7 @@ class CompiledCells:
         system: the system.
         terms: all terms that a trajectory may have, with lets and parameters resolved.
         layout: columns of the weights.
-        schedule: (output times, largest step) → ``(t, h, begins, ends)`` of every step.
+        schedule: (output times, largest step, jumps of inputs) → every step.
 
     Raises:
         NotSemilinearError, ArithmeticError: the equations have no semilinear form.
@@ -131,7 +131,7 @@ class CompiledCells:
         cells = extension.cells(start)
         saved = np.full((len(times), len(start), len(self._a)), np.nan)
         saved[0] = cells.flatten(1).numpy()
-        steps = list(self._schedule(times.tolist(), self.system.dt))
+        steps = list(self._schedule(times.tolist(), self.system.dt, self.system.jumps))
         self._integrate(integrate_batch, weights, sampled_forcing, steps, saved)
         found = torch.from_numpy(saved).reshape(len(times), *cells.shape).transpose(0, 1)
         given = torch.from_numpy(extension.given(times.numpy()))
@@ -167,15 +167,14 @@ class CompiledCells:
             integrate(self._kernel, arrays, self._step_arrays(steps), counts, saved)
 
     def _step_arrays(self, steps: Sequence[StepTuple]) -> CellSteps:
-        t, h = (np.array([step[i] for step in steps]) for i in (0, 1))
+        h, first, last = (np.array([step[i] for step in steps]) for i in (1, 4, 5))
         kinds = {length: k for k, length in enumerate(dict.fromkeys(h.tolist()))}
-        moments = t[:, None] + h[:, None] * np.array([0.0, 0.5, 1.0])
+        clock = np.stack([first, (first + last) / 2, last], axis=1)
         return CellSteps(
-            t=t,
-            h=h,
+            clock=clock,
             kinds=np.array([kinds[length] for length in h.tolist()], dtype=np.int64),
             ends=np.array([step[3] for step in steps], dtype=np.bool_),
-            given=self.system.extension.values(moments),
+            given=self.system.extension.values(clock),
             matrices=np.array([self._step(length) for length in kinds]),
         )
 

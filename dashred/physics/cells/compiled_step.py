@@ -55,16 +55,15 @@ class CellSteps(NamedTuple):
     """Time steps as arrays.
 
     Attributes:
-        t, h: start time and length of each step, ``(step,)``.
+        clock: times of its first, middle and last stages, ``(step, 3)``.
         kinds: index of its matrices, ``(step,)``.
         ends: whether it ends at an output time, ``(step,)``.
-        given: given values at its start, middle and end, ``(step, 3, given)``.
+        given: given values at these times, ``(step, 3, given)``.
         matrices: full, half, stage, first, middle and last of each length, ``(kind, 6, n, n)``;
             see :class:`.exponential.StepMatrices`.
     """
 
-    t: Array
-    h: Array
+    clock: Array
     kinds: Indices
     ends: NDArray[np.bool_]
     given: Array
@@ -123,8 +122,7 @@ def _stages(
     kernel: Kernel,
     arrays: CellArrays,
     own: Array,
-    t: float,
-    h: float,
+    clock: Array,
     given: Array,
     values: Array,
     results: Array,
@@ -132,20 +130,20 @@ def _stages(
 ) -> tuple[Array, Array, Array, Array]:
     """Return the cells at stages a, b and c and at the end of a step, ``(row, n)`` each.
 
-    ``own`` holds the matrices of the step and ``given`` the given values at its start, middle and
-    end; ``values`` and ``results`` are work arrays.
+    ``own`` holds the matrices of the step and ``given`` the given values at the times
+    ``clock`` of its first, middle and last stages; ``values`` and ``results`` are work arrays.
     """
     one = np.ones(1)
-    n = _rest(kernel, arrays, cells, given[0:1], t, values, results)
+    n = _rest(kernel, arrays, cells, given[0:1], clock[0], values, results)
     a = _products(cells, own[1], n, own[2])
-    n_a = _rest(kernel, arrays, a, given[1:2], t + h / 2, values, results)
+    n_a = _rest(kernel, arrays, a, given[1:2], clock[1], values, results)
     b = _products(cells, own[1], n_a, own[2])
-    n_b = _rest(kernel, arrays, b, given[1:2], t + h / 2, values, results)
+    n_b = _rest(kernel, arrays, b, given[1:2], clock[1], values, results)
     ahead = n_b.copy()
     _add(n_b, one, ahead)
     _add(n, -one, ahead)
     c = _products(a, own[1], ahead, own[2])
-    n_c = _rest(kernel, arrays, c, given[2:3], t + h, values, results)
+    n_c = _rest(kernel, arrays, c, given[2:3], clock[2], values, results)
     end = _products(cells, own[0], n, own[3])
     _add(n_b, one, n_a)
     _add(_products(n_a, own[4], n_c, own[5]), one, end)
@@ -173,10 +171,10 @@ def integrate_batch(
     values = np.zeros((counts[0], len(cells), points))
     results = np.empty((counts[1], len(cells), points))
     output = 0
-    for i in range(len(steps.t)):
-        t, h, own = steps.t[i], steps.h[i], steps.matrices[steps.kinds[i]]
+    for i in range(len(steps.kinds)):
+        clock, own = steps.clock[i], steps.matrices[steps.kinds[i]]
         work = steps.given[i], values, results
-        _, _, _, cells = _stages(kernel, arrays, own, t, h, *work, cells)
+        _, _, _, cells = _stages(kernel, arrays, own, clock, *work, cells)
         if steps.ends[i]:
             output += 1
             saved[output] = cells
@@ -203,10 +201,10 @@ def integrate_stages(
     cells, points = saved[0, 0:1].copy(), arrays.coordinates.shape[1]
     values = np.zeros((counts[0], 1, points))
     results = np.empty((counts[1], 1, points))
-    for i in range(len(steps.t)):
-        t, h, own = steps.t[i], steps.h[i], steps.matrices[steps.kinds[i]]
+    for i in range(len(steps.kinds)):
+        clock, own = steps.clock[i], steps.matrices[steps.kinds[i]]
         work = steps.given[i], values, results
-        a, b, c, end = _stages(kernel, arrays, own, t, h, *work, cells)
+        a, b, c, end = _stages(kernel, arrays, own, clock, *work, cells)
         saved[i, 0], saved[i, 1], saved[i, 2] = cells[0], a[0], b[0]
         saved[i, 3], saved[i, 4] = c[0], end[0]
         cells = end

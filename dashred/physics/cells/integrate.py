@@ -20,8 +20,8 @@ from dashred.physics.system import System
 
 Array = NDArray[np.float64]
 Rates = Callable[[Tensor, float], Tensor]
-StepTuple = tuple[float, float, bool, bool]
-"""``(t, h, begins, ends)`` of a step, as in :class:`.solvers.schedule.Step`."""
+StepTuple = tuple[float, float, bool, bool, float, float]
+"""``(t, h, begins, ends, first, last)`` of a step, as in :class:`.solvers.schedule.Step`."""
 KEPT = 5
 Reference = Callable[[Sequence[StepTuple], Array], Array]
 """(steps, cells ``(n,)`` at their start) → cells at the four stages and at the end of each step,
@@ -51,30 +51,32 @@ class CellStepper:
         rates = self.extension.cells(self.tendency(states, t)).flatten(1)
         return rates - cells @ self.linear
 
-    def step(self, cells: Tensor, t: float, h: float) -> Tensor:
-        """Return the cells ``(batch, n)`` at ``t + h``."""
-        *_, end = self.stages(cells, t, h)
+    def step(self, cells: Tensor, step: StepTuple) -> Tensor:
+        """Return the cells ``(batch, n)`` at the end of a step."""
+        *_, end = self.stages(cells, step)
         return end
 
-    def stages(self, cells: Tensor, t: float, h: float) -> tuple[Tensor, ...]:
+    def stages(self, cells: Tensor, step: StepTuple) -> tuple[Tensor, ...]:
         """Return the cells at the four stages and at the end of the step, ``(batch, n)`` each."""
+        _, h, _, _, begin, finish = step
+        between = (begin + finish) / 2
         full, half, stage, first, middle, last = self._matrices(h)
-        n = self.rest(cells, t)
+        n = self.rest(cells, begin)
         damped = cells @ half
         a = damped + n @ stage
-        n_a = self.rest(a, t + h / 2)
+        n_a = self.rest(a, between)
         b = damped + n_a @ stage
-        n_b = self.rest(b, t + h / 2)
+        n_b = self.rest(b, between)
         c = a @ half + (2 * n_b - n) @ stage
-        n_c = self.rest(c, t + h)
+        n_c = self.rest(c, finish)
         end = cells @ full + n @ first + (n_a + n_b) @ middle + n_c @ last
         return cells, a, b, c, end
 
     def reference(self, steps: Sequence[StepTuple], cells: Array) -> Array:
         """Return the cells at all stages of one trajectory; see :data:`Reference`."""
         found, state = [], torch.from_numpy(cells)[None]
-        for t, h, *_ in steps:
-            stages = self.stages(state, t, h)
+        for step in steps:
+            stages = self.stages(state, step)
             found.append(torch.cat(stages).numpy())
             state = stages[-1]
         return np.array(found)
@@ -97,7 +99,8 @@ def integrate_cells(
     shape = cells.shape
     cells = cells.flatten(1)
     yield extension.whole(cells.reshape(shape), begin)
-    for t, h, _, ends in steps:
-        cells = stepper.step(cells, t, h)
+    for step in steps:
+        cells = stepper.step(cells, step)
+        t, h, _, ends, *_ = step
         if ends:
             yield extension.whole(cells.reshape(shape), t + h)

@@ -99,9 +99,10 @@ def draw_ensemble(
 ) -> Ensemble:
     """Simulate random members that stay bounded.
 
-    A member that blows up, or leaves the range of the nominal simulation by more than the width
-    of the range, is drawn again: a single diverging member would dominate every scale. If members
-    are still missing after the last round, or when the time is up, half of them are enough.
+    A member that blows up, or leaves the range of the nominal simulation and of its own start by
+    more than the width of this range, is drawn again: a single diverging member would dominate
+    every scale. If members are still missing after the last round, or when the time is up, half of
+    them are enough.
 
     Args:
         system: the simulator.
@@ -175,20 +176,26 @@ def draw_round(
         States ``(member, time, field, *grid)``, coefficients ``(member, term)``, and whether each
         member stays within bounds, ``(member,)``.
     """
-    low, high = _bounds(nominal)
     starts = prior.draw(members, rng)
+    low, high = _bounds(nominal, starts)
     forcing = _draw_forcing(system, nominal, discrepancies, members, rng, times)
     found = simulate(system, starts, times, forcing, progress, repeats=rounds_left)
     inside = (torch.isfinite(found) & (found >= low) & (found <= high)).flatten(1).all(dim=1)
     return found, forcing.coefficients, inside
 
 
-def _bounds(nominal: Tensor) -> tuple[Tensor, Tensor]:
-    by_field = nominal.transpose(0, 1).flatten(1)
-    low, high = by_field.amin(dim=1), by_field.amax(dim=1)
+def _bounds(nominal: Tensor, starts: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the bounds of each member, ``(member, 1, field, *1)``.
+
+    The start of a member may be far outside of a nominal simulation of small amplitude.
+    """
+    by_field, own = nominal.transpose(0, 1).flatten(1), starts.reshape(*starts.shape[:2], -1)
+    low = torch.minimum(by_field.amin(dim=1), own.amin(dim=2))
+    high = torch.maximum(by_field.amax(dim=1), own.amax(dim=2))
     # A field that is constant in the nominal simulation has no bounds.
-    width = torch.where(high > low, high - low, torch.inf)
-    shape = (-1,) + (1,) * (nominal.dim() - 2)
+    varies = by_field.amax(dim=1) > by_field.amin(dim=1)
+    width = torch.where(varies, high - low, torch.inf)
+    shape = (len(starts), 1, nominal.shape[1]) + (1,) * (nominal.dim() - 2)
     return (low - width).reshape(shape), (high + width).reshape(shape)
 
 

@@ -43,22 +43,23 @@ class ETDRK4:
     def __init__(
         self, linear: Tensor, nonlinear: Callable[[Tensor, float], Tensor], h: float
     ) -> None:
-        self.nonlinear, self.h = nonlinear, h
+        self.nonlinear = nonlinear
         result = coefficients(linear, h)
         self.full, self.half, self.q = result.full, result.half, result.q
         self.first, self.middle, self.last = result.first, result.middle, result.last
 
-    def step(self, modes: Tensor, t: float) -> Tensor:
-        """Return the modes at ``t + h``."""
-        h, nonlinear, q = self.h, self.nonlinear, self.q
-        n_u = nonlinear(modes, t)
+    def step(self, modes: Tensor, first: float, last: float) -> Tensor:
+        """Return the modes after a step, with the times of its first and last stage."""
+        nonlinear, q = self.nonlinear, self.q
+        middle = (first + last) / 2
+        n_u = nonlinear(modes, first)
         linear_half = self.half * modes
         a = torch.addcmul(linear_half, q, n_u)
-        n_a = nonlinear(a, t + h / 2)
+        n_a = nonlinear(a, middle)
         b = torch.addcmul(linear_half, q, n_a)
-        n_b = nonlinear(b, t + h / 2)
+        n_b = nonlinear(b, middle)
         c = torch.addcmul(self.half * a, q, torch.sub(2 * n_b, n_u))
-        n_c = nonlinear(c, t + h)
+        n_c = nonlinear(c, last)
         result = torch.addcmul(self.full * modes, self.first, n_u)
         result = torch.addcmul(result, self.middle, n_a + n_b)
         return torch.addcmul(result, self.last, n_c)

@@ -72,7 +72,7 @@ def simulate(
     if system.program is not None:
         added = AddedFlow(system, forcing, sampled_forcing)
         changes = None if forcing is None else forcing.parameter_changes()
-        whole = [*schedule(times.tolist(), system.dt)]
+        whole = [*schedule(times.tolist(), system.dt, system.jumps)]
         states = integrate_split(system, added, start, whole, changes)
     elif system.spectral:
         tendency = SpectralTendency(system, forcing, start.device, sampled_forcing)
@@ -80,7 +80,7 @@ def simulate(
     elif system.has_conditions:
         rates, steps = (
             GridTendency(system, forcing, sampled_forcing),
-            schedule(times.tolist(), system.dt),
+            schedule(times.tolist(), system.dt, system.jumps),
         )
         states = integrate_cells(system, rates, start, float(times[0]), steps)
     elif system.tableau is not None:
@@ -157,12 +157,12 @@ def _integrate_spectral(
     steppers = StepperCache(tendency.linear, tendency)
     state, modes = start, start
     yield state
-    for step in schedule(times, tendency.system.dt):
+    for step in schedule(times, tendency.system.dt, tendency.system.jumps):
         if step.begins:
             # Every interval starts from grid values. Rounding errors create modes that belong to no
             # real field. The equations do not see them, and a linear instability amplifies them.
             modes = tendency.dealias(torch.fft.rfftn(state, dim=grid.dims))
-        modes = steppers[step.h].step(modes, step.t)
+        modes = steppers[step.h].step(modes, step.first, step.last)
         if step.ends:
             state = torch.fft.irfftn(modes, s=grid.shape, dim=grid.dims)
             yield state
@@ -173,7 +173,7 @@ def _integrate_fixed(
 ) -> Iterator[Tensor]:
     state = start
     yield state
-    for step in schedule(times, dt):
+    for step in schedule(times, dt, tendency.system.jumps):
         state = advance(tableau, tendency, state, step.t, step.h)
         if step.ends:
             yield state

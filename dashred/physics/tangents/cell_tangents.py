@@ -28,6 +28,7 @@ from dashred.physics.solvers.rhs import GridTendency
 from dashred.physics.solvers.schedule import schedule
 from dashred.physics.system import System, Term
 from dashred.physics.tangents.cell_slopes import CellJacobian
+from dashred.physics.tangents.reference_trajectory import stage_times
 from dashred.physics.tangents.semilinear_rhs import with_terms
 
 Array = NDArray[np.float64]
@@ -100,14 +101,14 @@ def tangent_cells(
     tangents[:, : len(directions)] = extension.cells(directions.double()).flatten(1).T.numpy()
     begin = float(times[0])
     yield _whole(system, cells, begin), _columns(system, tangents)
-    state, steps = cells.flatten().numpy(), schedule(times.tolist(), system.dt)
+    state, steps = cells.flatten().numpy(), schedule(times.tolist(), system.dt, system.jumps)
     matrices = cache(lambda h: step_matrices(linear, h))
     while block := list(islice(steps, STEPS_AT_ONCE)):
         stages = reference(block, state)
         state = stages[-1, -1]
         # A blow-up shows as non-finite values, not as a warning.
         with np.errstate(all="ignore"):
-            moments = np.array([s.t + c * s.h for s in block for c in (0.0, 0.5, 0.5, 1.0)])
+            moments = stage_times(block)
             inner = torch.from_numpy(stages[:, :STAGES].copy()).reshape(-1, *shape[1:])
             whole = extension.homogeneous(inner) + torch.from_numpy(extension.given(moments))
             slopes = jacobian(whole.numpy(), moments) - linear

@@ -71,7 +71,7 @@ def tangent_ode(
         The state ``(field,)`` and the tangents ``(column, field)``, float64: directions first,
         then sources, then basis functions.
     """
-    steps = list(schedule(times.tolist(), system.dt))
+    steps = list(schedule(times.tolist(), system.dt, system.jumps))
     integrator = OdeColumns(
         system, forcing, sources, len(directions), sampled_forcing, forcing_basis
     )

@@ -79,7 +79,7 @@ def tangent_program(
     # The largest size of each field so far: a field that crosses zero is no small field.
     reach = reach.reshape(*reach.shape[:2], -1).amax(dim=(0, 2))
     yield state, columns
-    for step in split_steps(schedule(times.tolist(), system.dt)):
+    for step in split_steps(schedule(times.tolist(), system.dt, system.jumps)):
         state, columns = added(state, columns, *step.before, reach)
         reach = torch.maximum(reach, state.abs().reshape(len(state), -1).amax(dim=1))
         small = flow.program.rounding**0.5 * reach
@@ -129,7 +129,7 @@ class _OdeColumns:
         self, state: Tensor, columns: Tensor, t: float, h: float, reach: Tensor
     ) -> tuple[Tensor, Tensor]:
         """See :class:`HalfStep`."""
-        whole = Step(t, h, begins=True, ends=True)
+        whole = Step(t, h, begins=True, ends=True, first=t, last=t + h)
         states, moved = self.columns.advance(state.numpy(), columns.numpy(), [whole])
         return torch.from_numpy(states[1]), torch.from_numpy(moved[1])
 

@@ -70,8 +70,8 @@ class InterpretedTrajectory:
 
     def _step(self, u: Modes, step: Step, stages: list[Modes], rates: list[Modes]) -> Modes:
         full, half, q, first, middle, last = self.tendency.coefficients(step.h)
-        t, middle_time, end = step.t, step.t + step.h / 2, step.t + step.h
-        n_u = self._rate(u, t)
+        begin, middle_time, _, end = stage_times([step])
+        n_u = self._rate(u, begin)
         linear = half * u
         a = linear + q * n_u
         n_a = self._rate(a, middle_time)
@@ -130,5 +130,6 @@ def in_modes(points: Array, tendency: SemilinearTendency) -> Modes:
 
 def stage_times(steps: Sequence[Step]) -> Array:
     """Return the times of the stages of some steps, ``(stage,)``."""
-    times = [(s.t, s.t + s.h / 2, s.t + s.h / 2, s.t + s.h) for s in steps]
-    return np.array(times).ravel()
+    first, last = (np.array([getattr(s, name) for s in steps]) for name in ("first", "last"))
+    middle = (first + last) / 2
+    return np.stack([first, middle, middle, last], axis=1).ravel()

@@ -121,7 +121,7 @@ def tangent_linear(
     by_field = tangents.cpu().numpy().swapaxes(0, 1)
     columns = [model.columns.in_modes(by_field[:, c.start : c.stop]) for c in chunks]
     steps_at_once = max(1, POINTS_AT_ONCE // (STAGES * start[0].numel()))
-    for steps in _blocks(schedule(times.tolist(), system.dt), steps_at_once):
+    for steps in _blocks(schedule(times.tolist(), system.dt, system.jumps), steps_at_once):
         # A blow-up shows as non-finite values, not as a warning.
         with np.errstate(all="ignore"):
             modes, states, stages = reference.advance(steps, modes)

@@ -20,6 +20,7 @@ from dashred.data.noise_level import noise_std
 from dashred.data.recording import Recording
 from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.remark import Remark, plural, shortened, warning
+from dashred.pipeline.check.saturation import saturated
 
 # Relative deviation from the mean step above which a clock is irregular.
 IRREGULAR = 0.05
@@ -93,6 +94,7 @@ def _defects(
     yield from _missing(recording)
     yield from _sentinels(recording)
     yield from _repeated(recording)
+    yield from saturated(recording)
 
 
 def _no_recording(context: CheckContext) -> Iterator[Remark]:

@@ -91,7 +91,7 @@ def with_residual_noise(objective: LeastSquaresProblem, horizon: HorizonFit) -> 
     noise = part.estimate_noise(
         horizon.readings, normal.effective_parameters(range(len(normal.phi)))
     )
-    return replace(objective, noise=replace(noise, available=objective.noise.available))
+    return replace(objective, noise=noise.over(objective.noise))
 
 
 def extend_horizon(

@@ -53,8 +53,7 @@ class SelectedLaws:
     @property
     def noise(self) -> NoiseModel:
         """The noise that the best law leaves, for all samples of the record."""
-        available = self.objective.noise.available
-        return replace(self.selection.objective.noise, available=available)
+        return self.selection.objective.noise.over(self.objective.noise)
 
 
 def select_laws(

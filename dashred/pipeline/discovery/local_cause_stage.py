@@ -203,8 +203,7 @@ def _source_with_own_noise(
             null = null.with_start(nominal.start)
             start = near[1].phi[: null.modes]
             exact = refit_source(null, replace(exact, fit=replace(exact.fit, phi=start)), size)
-    noise = replace(exact.fit.noise(), available=null.noise.available)
-    null = replace(null, noise=noise)
+    null = replace(null, noise=exact.fit.noise().over(null.noise))
     return fit_source_law(null, refit_source(null, exact, size), size)
 
 

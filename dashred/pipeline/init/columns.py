@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -14,6 +15,7 @@ from dashred.core.errors import InputError, nearest
 from dashred.core.stated.column_names import SENSOR, VALUE
 from dashred.core.stated.record_part import WHOLE, RecordPart
 from dashred.core.units import TIME
+from dashred.data.clocks.record_part import EmptySensorsError
 from dashred.data.io.reader import read_episodes
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.io.tables.columns import Columns
@@ -34,6 +36,8 @@ POINTS = {1: 64, 2: 32}
 MANY_FIELDS, MAX_FIELDS = 8, 64
 # An input that repeats its value in more than this share of the rows changes in steps.
 HELD = 0.5
+# A name before the number in a cell: T:85.05, or T=85.05.
+LABEL = re.compile(r"[A-Za-z]\w*\s*[:=]\s*(?=[-+.\d])")
 # Unit of time for dates, by the shortest step in seconds.
 TIME_UNITS = {"d": 0.5 * 86400.0, "h": 600.0, "min": 10.0, "s": 0.0}
 # Key in system.spread of the correlation length of the start, so no field can have this name.
@@ -79,6 +83,7 @@ class GuessedSystem:
         inputs: column of each input, by name: that of the column.
         held_inputs: columns of inputs that change in steps.
         left_out: columns of numbers that are no fields: a counter of the rows, a constant.
+        empty: columns that are left out, because they are empty in the part that is used.
         units: a unit of time for dates.
         texts: columns that are left out, but may name the sensor of each row.
     """
@@ -89,6 +94,7 @@ class GuessedSystem:
     inputs: dict[str, str] = field(default_factory=dict)
     held_inputs: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
+    empty: tuple[str, ...] = ()
     units: dict[str, str] = field(default_factory=dict)
     texts: tuple[str, ...] = ()
 
@@ -150,8 +156,26 @@ def read_recording(
     guessed = replace(guessed, texts=unclear)
     # The recording is read again below. Free the first copy, because it may be large.
     del own, table
-    read = read_episodes(path, sensors_table, guessed, replace(layout, ignored=[*unread, *texts]))
+    ignored = [*unread, *texts]
+    try:
+        read = read_episodes(path, sensors_table, guessed, replace(layout, ignored=ignored))
+    except EmptySensorsError as error:
+        guessed = _without(guessed, error)
+        ignored += guessed.empty
+        read = read_episodes(path, sensors_table, guessed, replace(layout, ignored=ignored))
     return guessed, [episode.recording for episode in read.episodes], layout
+
+
+def _without(guessed: GuessedSystem, error: EmptySensorsError) -> GuessedSystem:
+    """Return an ODE system without the fields of empty columns.
+
+    Raises:
+        EmptySensorsError: the sensors are in space, or no field is left.
+    """
+    fields = tuple(name for name in guessed.fields if name not in error.names)
+    if guessed.axes or not fields:
+        raise error
+    return replace(guessed, fields=fields, empty=error.names)
 
 
 def _column(table: Columns, layout: TableLayout, name: str, argument: str) -> str:
@@ -202,7 +226,12 @@ def _system_from_columns(table: Columns, others: Sequence[str]) -> GuessedSystem
     left_out = left_out if len(left_out) < len(numbers) else ()
     fields = tuple(column for column in numbers if column not in left_out)
     if not fields:
-        raise InputError("there is no column of numbers besides time", where=table.path)
+        hint = None
+        labelled = (cell for name in columns for cell in table.texts(name)[:1] if LABEL.match(cell))
+        if (cell := next(labelled, None)) is not None:
+            number = LABEL.sub("", cell)
+            hint = f"write the number alone, {number} in place of {cell}, and name the columns"
+        raise InputError("there is no column of numbers besides time", where=table.path, hint=hint)
     if len(fields) > MAX_FIELDS:
         what = f"{len(fields)} columns besides time are too many for the fields of an ODE"
         hint = "if they are sensors of a field in space, give their positions: sensors=TABLE.csv"

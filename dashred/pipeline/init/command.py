@@ -115,6 +115,8 @@ def main(argv: list[str]) -> int:
         raise InputError(what, where=str(output), hint=hint) from None
     if guessed.left_out:
         print(f"left out: {', '.join(guessed.left_out)} (constant, or a count of the rows)")
+    if guessed.empty:
+        print(f"left out: {', '.join(guessed.empty)} (no values in the part that is used)")
     if SENSOR in layout.headers:
         print(f"one row for each reading: column {layout.headers[SENSOR]} names its sensor")
     if groups := unclear_groups(path):

@@ -21,6 +21,7 @@ from dashred.data.io.tables.recording_table import (
 from dashred.data.io.tables.table_layout import TableLayout, split_header
 from dashred.data.io.tables.time_column import (
     TimeColumn,
+    date_and_clock,
     episode_column,
     find_time_column,
     likely_times,
@@ -66,6 +67,9 @@ def read_with_guessed_names(path: str, is_ode: bool) -> tuple[Table, TableLayout
     likely = None if named_times(table) else likely_times(table)
     if likely is None:
         time = find_time_column(table, STEP)
+    elif (both := date_and_clock(table)) is not None:
+        headers |= zip(("date", "time"), both, strict=True)
+        time = TimeColumn(both)
     else:
         headers["time"], time = likely, TimeColumn((likely,))
     times = time.columns

@@ -48,7 +48,8 @@ class LatentPath:
     @property
     def evidence(self) -> Values:
         """``BIC = n ln rmse² + k ln n`` of each size, minus the lowest, ``(size,)``."""
-        n = self.blocks
+        # A few samples make no block.
+        n = max(1, self.blocks)
         score = 2 * n * np.log(np.maximum(self.rmse, ROUNDING)) + self.sizes * np.log(n)
         return np.asarray(score - score.min())
 

@@ -13,6 +13,7 @@ EXTENDED = (
     "no law of the library explains the recording; a law of the extended library, with functions, "
     "higher powers and waves in space or time, does"
 )
+LEAST_CHANCE = 0.001
 LIMITS_OF_SNAPSHOTS = (
     "The simulator is known by its snapshots alone, so no law could be fitted to the sensors "
     "through it. The terms that latent SINDy proposes are untested, and have no intervals",
@@ -108,6 +109,15 @@ def _not_converged(cause: Cause) -> str:
             return (
                 f"the misfit of the best law is {cause['misfit']:.3g}, but all candidates together "
                 f"reach {cause['misfit_of_all']:.3g}: no sparse law was fitted to convergence"
+            )
+        case "law-incomplete":
+            chance, least = cause["chance"], LEAST_CHANCE
+            size = f"below {percent(least)}" if chance < least else f"of {percent(chance)}"
+            return (
+                f"the fit of the best law ended with a misfit of {cause['misfit']:.3g}, but all "
+                f"candidates together reach {cause['misfit_of_all']:.3g}. Noise alone gives such a "
+                f"difference with a probability {size}, so something may be missing that no law of "
+                "few terms expresses"
             )
         case "budget":
             spent = f"the budget of {cause['budget']:g} s was spent before the search had ended"

@@ -124,13 +124,20 @@ def changed(line, new):
     return text(lines)
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "latin-1"])
+def test_a_spreadsheet_may_write_another_encoding(ode, write, encoding):
+    contents = text(rows(header="time,u,v,Größe m³")[:1] + [f"{row},1" for row in rows()[1:]])
+    recording = read_recording(write("r.csv", contents.encode(encoding)), None, ode)
+    assert recording.names == ("u", "v")
+
+
 BAD = {
     "empty": ("", "r.csv: the file is empty"),
     "blank": (" \n\n", "the file is empty"),
     "header alone": ("time,u\n", "0 samples are too few"),
     "short": (text(rows(7)), "7 samples are too few: at least 8"),
-    "utf-16": (text(rows()).encode("utf-16"), "r.csv:1: not UTF-8"),
-    "latin-1": (changed(4, "0.2,1,é").encode("latin-1"), "r.csv:4: not UTF-8"),
+    "binary": (changed(4, "0.2,1,é\0").encode("latin-1"), "r.csv:4: not UTF-8"),
+    "latin-1": (changed(4, "0.2,1,é").encode("latin-1"), "'é' is not a number"),
     "word": (changed(7, "0.5,five,1"), "r.csv:7, column 'u': 'five' is not a number"),
     "underscore": (changed(7, "0.5,1_000,1"), "r.csv:7, column 'u': '1_000' is not a number"),
     "other digits": (changed(7, "0.5,٣,1"), "r.csv:7, column 'u'"),

@@ -172,6 +172,17 @@ def test_quantities_have_correlations_of_their_own() -> None:
     assert float((white_again[1:] * white_again[:-1]).mean(dim=0).abs().max()) < 0.06
 
 
+def test_the_noise_of_a_part_is_that_of_the_whole_record() -> None:
+    """Noise as a share of the reading: every sample has its own σ."""
+    values = white(20, 1).abs() + 1
+    whole = NoiseModel(torch.ones(1).double(), torch.zeros(1).double(), everywhere(20, 1), values)
+    part = whole.truncate(6)
+    noise = part.estimate(0.5 * values[:6] * white(6, 1, seed=1), ["u"], 0)
+    assert float(noise.std) < 1
+    found = noise.over(whole)
+    torch.testing.assert_close(found.whiten(values), torch.ones(20, 1).double() / noise.std)
+
+
 def test_scaling_changes_only_sigma() -> None:
     noise = model([0.5, 2.0], RHO, everywhere(5, 2))
     values = white(5, 2)

@@ -167,6 +167,17 @@ def test_a_fit_within_the_noise_has_converged_if_nothing_significant_is_left(
     assert verdict(replace(discovery, room_left=None))[0] == "not-converged"
 
 
+def test_a_law_whose_fit_has_ended_is_not_told_as_unfitted(flow: System) -> None:
+    best = laws.law([laws.term(flow, "u", "u")], [0.1], chi2=0.9)
+    stuck = laws.discovery(best, free_chi2=0.3)
+    text = {
+        decrease: cause_text(verdict(replace(stuck, room_left=RoomLeft(decrease, 0.01)))[1][0])
+        for decrease in (0.1, 1.5)
+    }
+    assert "ended with a misfit of 0.9" in str(text[0.1]) and "of 1 %" in str(text[0.1])
+    assert "no sparse law was fitted to convergence" in str(text[1.5])
+
+
 @pytest.mark.parametrize("widened", [1.0, 3.0])
 def test_twice_the_noise_without_a_law_has_not_converged(flow: System, widened: float) -> None:
     lawless = laws.law(widened=widened)

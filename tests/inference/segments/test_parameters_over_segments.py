@@ -17,7 +17,7 @@ from dashred.inference.segments.point import Point
 from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import cut
 from dashred.inference.segments.selection.candidate_sets import profile
-from dashred.inference.segments.selection.search import SegmentSearch
+from dashred.inference.segments.selection.search import SegmentSearch, weighted
 from dashred.inference.segments.selection.set_selection import SegmentLaw
 from dashred.inference.segments.state_sensors import StateSensors
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
@@ -132,3 +132,13 @@ def test_without_readings_a_parameter_stays_as_stated(problem: WeakConstraintPro
     loose = blind.with_weights(np.array([0.01]), problem.prior_std)
     fit = fit_nodes(loose, begin(problem), (), 20, 1e-12)
     assert fit.point.parameters == pytest.approx(MEAN, abs=1e-4)
+
+
+def test_a_parameter_changes_by_less_than_a_term(problem: WeakConstraintProblem) -> None:
+    one = np.ones(1)
+    priors = [
+        weighted(problem, NaturalScales(one, one, np.full(2, scale)), 0.1, 3.0).prior_std
+        for scale in (0.01, 0.05, 0.2)
+    ]
+    # The candidates are a term, and k = 0.1.
+    np.testing.assert_allclose(priors, [[0.03, 0.03], [0.15, 0.1], [0.6, 0.2]])

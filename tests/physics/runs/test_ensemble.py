@@ -76,11 +76,11 @@ def test_a_hopeless_ensemble_is_refused(reaction):
         draw(reaction, 0, members=2, terms=10, amplitude=1e6)
 
 
-# The nominal run goes from 1 to 1/e, so a start beyond -0.3 or 1.6 is drawn again.
+# The nominal run decays, and a start beyond about 1.8 grows without limit.
 LOSING = """
     fields: {u: place}
     parameters: {}
-    equations: {u: -u}
+    equations: {u: u**2 - 1.4*u}
     start: {u: 1}
     spread: {u: 0.6}
     integrator: {dt: 0.1, method: rk4}
@@ -139,6 +139,18 @@ def test_a_field_at_rest_sets_no_bounds(make_system):
         integrator: {dt: 0.1}
     """)
     assert float(draw(system, 0).states[:, 0, 1].std()) > 0.2
+
+
+def test_a_start_far_outside_of_a_small_nominal_simulation_is_bounded(make_system):
+    system = make_system("""
+        fields: {u: place, v: speed}
+        parameters: {}
+        equations: {u: v, v: -u}
+        start: {u: 0.01, v: 0}
+        spread: {u: 1, v: 1}
+        integrator: {dt: 0.1}
+    """)
+    assert float(draw(system, 0).states[:, 0].std()) == pytest.approx(1.0, rel=0.4)
 
 
 def test_a_term_of_unit_scale_is_as_large_as_the_tendency(reaction):

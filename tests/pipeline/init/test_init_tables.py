@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 from dashred.config import load_config
+from dashred.core.errors import InputError
+from dashred.data.io.tables.recording_table import read_recording_table
+from dashred.data.io.tables.table_layout import TableLayout
 from dashred.pipeline.init import command
 
 TIMES = 0.5 * np.arange(16)
@@ -74,3 +77,39 @@ def test_runs_side_by_side_are_episodes(
     assert found == {"columns": columns, "fields": ["x"]}
     said = "the groups of columns, Cup 1, Cup 2, are read as episodes" in capsys.readouterr().out
     assert said == (columns is not None)
+
+
+def test_one_column_for_each_subject_is_an_episode_each(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [f"{t},{np.sin(t):.3f},{'' if t == 2 else np.cos(t)}" for t in TIMES]
+    table = "\n".join(["Time (h),Subject 1 (mg/L),Subject 2 (mg/L)", *rows, ""])
+    found = written(tmp_path, table)
+    assert found == {"columns": {"episode": "Subject 1"}, "fields": ["response"]}
+    assert "Subject 1, Subject 2, are read as episodes" in capsys.readouterr().out
+    config = load_config([f"conf={tmp_path / 'mine.yaml'}"], entry="train")
+    layout = TableLayout(headers=config.recording.columns)
+    read = read_recording_table(str(tmp_path / "r.csv"), layout)
+    assert len(read) == 31 and read.units == {"Time": "h", "response": "mg/L"}
+
+
+def test_names_within_the_cells_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "r.txt"
+    path.write_text("".join(f"14:21:{i:02d}.123 -> T:8{i}.5 A:21.9\n" for i in range(16)))
+    with pytest.raises(InputError, match=r"number alone, 81\.5 in place of T:81\.5"):
+        command.main([f"path={path}", f"output={tmp_path / 'mine.yaml'}"])
+
+
+def test_a_date_and_a_time_of_day_are_found_by_their_cells(tmp_path: Path) -> None:
+    rows = [f"{np.sin(i):.3f};{1 + i // 8}.3.2026;{2 * (i % 8):02d}:30:00" for i in range(16)]
+    found = written(tmp_path, "\n".join(["Pegel;Datum;Uhrzeit", *rows, ""]))
+    assert found == {"columns": {"date": "Datum", "time": "Uhrzeit"}, "fields": ["Pegel"]}
+
+
+def test_a_column_that_begins_after_the_part_is_left_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [f"{t},{np.sin(t):.3f},{'' if t < 6 else np.cos(t)}" for t in TIMES]
+    found = written(tmp_path, "\n".join(["time,x,late", *rows, ""]), "end=5")
+    assert found["fields"] == ["x"]
+    assert "left out: late (no values in the part that is used)" in capsys.readouterr().out

@@ -21,8 +21,10 @@ from dashred.data.io.tables.table_dialect import (
     DATE,
     TableText,
     find_header,
+    remove_thousands_separators,
     write_decimals_with_a_point,
 )
+from dashred.data.io.tables.table_encoding import other_encoding
 from dashred.data.io.tables.table_header import read_header
 
 # A table takes about thirteen times its size in memory, because every cell is a separate string.
@@ -95,14 +97,14 @@ class Table:
 
 
 def read_table(path: str) -> Table:
-    """Read a UTF-8 file whose first line names the columns.
+    """Read a file whose first line names the columns.
 
     The columns are separated by commas, semicolons, tabs or spaces. Decimals may have a comma if
     the separator is another one. Lines that begin with # may precede the header. A unit may follow
     the name of a column in square brackets: ``theta [rad]``.
 
     Raises:
-        InputError: the file is missing, empty, not UTF-8 or badly quoted; a column has no name, a
+        InputError: the file is missing, empty, no text or badly quoted; a column has no name, a
             repeated name or an empty unit; or a row has too few or too many cells.
     """
     text, rows, lines = read_cells(path, find_header)
@@ -117,12 +119,24 @@ def read_cells(
     """Return the cells of a file, and the line on which each row ends; blank lines are left out.
 
     With ``most``, the file is read up to so many rows.
+
+    Raises:
+        InputError: the file is missing, empty, no text or badly quoted.
     """
+    try:
+        return _read_cells(path, find, most, "utf-8-sig")
+    except UnicodeDecodeError:
+        return _read_cells(path, find, most, other_encoding(path))
+
+
+def _read_cells(
+    path: str, find: Callable[[TextIO], TableText], most: int | None, encoding: str
+) -> tuple[TableText, list[list[str]], array[int]]:
     rows: list[list[str]] = []
     lines = array("q")
     line = 0
     try:
-        with _opened(path) as file:
+        with _opened(path, encoding) as file:
             text = find(file)
             line = text.skipped
             reader = csv.reader(text.lines, delimiter=text.separator, strict=True)
@@ -133,9 +147,6 @@ def read_cells(
                     lines.append(line)
     except csv.Error as error:
         raise InputError(f"not a readable CSV: {error}", where=f"{path}:{line + 1}") from None
-    except UnicodeDecodeError:
-        where, hint = f"{path}:{_undecodable(path)}", "save the table as CSV in UTF-8"
-        raise InputError("not UTF-8 text", where=where, hint=hint) from None
     if not any(len(row) > 1 or row[0].strip() for row in rows):
         raise InputError("the file is empty", where=path)
     return text, rows, lines
@@ -165,19 +176,21 @@ def table_of(
         InputError: a row has another number of cells, or points that may separate thousands.
     """
     check_rectangular(path, columns, rows, lines)
-    if text.separator != COMMA:
+    if text.separator == COMMA:
+        remove_thousands_separators(rows)
+    else:
         write_decimals_with_a_point(rows, lines, path)
     return Table(path, columns, rows, lines, units, header)
 
 
 @contextlib.contextmanager
-def _opened(path: str) -> Iterator[TextIO]:
+def _opened(path: str, encoding: str) -> Iterator[TextIO]:
     try:
         if Path(path).exists() and not Path(path).is_file():
             # Reading a pipe or a device might never end.
             raise InputError("cannot be read: not a regular file", where=path)
         _check_size(path, Path(path).stat().st_size)
-        with open(path, encoding="utf-8-sig", newline="") as file:
+        with open(path, encoding=encoding, newline="") as file:
             yield file
     except FileNotFoundError:
         raise InputError("no such file", where=path, hint=f"looked in {Path.cwd()}") from None
@@ -195,16 +208,6 @@ def _check_size(path: str, size: int) -> None:
     thinned = f"keep one row in {nth}, or only the relevant part of the recording"
     hint = f"{thinned}; or convert it to NetCDF (see docs/own-system.md)"
     raise InputError(problem, where=path, hint=hint)
-
-
-def _undecodable(path: str) -> int:
-    """Return the line of the first byte that is not UTF-8."""
-    data = Path(path).read_bytes()
-    try:
-        data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        return data.count(b"\n", 0, error.start) + 1
-    return 1
 
 
 def check_rectangular(

@@ -8,10 +8,23 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from dashred.core.errors import InputError
-from dashred.data.io.tables.table_layout import TIMES, TableLayout, split_header
+from dashred.data.io.tables.table_layout import (
+    TIMES,
+    TableLayout,
+    split_header,
+    unit_of_times,
+)
 
 # Labels that can only mean runs, such as "Run #1" or "Trial 2".
 RUN = re.compile(r"(run|trial|experiment|episode|data ?set|test)\b.*\d", re.IGNORECASE)
+# Labels of columns that may be one quantity in several runs, such as "Subject 1".
+REPEATED = re.compile(
+    r"(run|trial|experiment|episode|subject|patient|participant|person|animal|rat|mouse|"
+    r"replicate|specimen)s?\b.*\d",
+    re.IGNORECASE,
+)
+# Name of their quantity.
+READING = "response"
 # Both lines of headers in one: "Run 1: Time (s)".
 PREFIXED = re.compile(r"(?P<label>[^:]*\d[^:]*):\s*(?P<name>\S.*)")
 
@@ -23,15 +36,21 @@ class ColumnGroups:
     Attributes:
         labels: of the groups.
         headers: of the columns of each group; a repeated one has a number.
+        is_shared: whether the first column has the times of all groups, which have one column each.
     """
 
     labels: tuple[str, ...]
     headers: tuple[str, ...]
+    is_shared: bool = False
+
+    def are_meant(self, layout: TableLayout) -> bool:
+        """Return whether the groups are episodes; columns with one clock may be fields as well."""
+        return not self.is_shared or layout.headers.get("episode") in self.labels
 
     @property
     def are_runs(self) -> bool:
         """Whether the labels can only mean runs."""
-        return all(map(RUN.match, self.labels))
+        return not self.is_shared and all(map(RUN.match, self.labels))
 
     def check_episodes(self, layout: TableLayout, where: str) -> None:
         """Check that the groups are episodes, by their labels or by the configuration.
@@ -57,7 +76,9 @@ class ColumnGroups:
         for number, label in enumerate(self.labels):
             for row, line in zip(rows, lines, strict=True):
                 cells = row[number * width : (number + 1) * width]
-                if any(cell.strip() for cell in cells):
+                if self.is_shared:
+                    cells = [row[0], row[1 + number]]
+                if any(cell.strip() for cell in cells[self.is_shared :]):
                     found.append(([label, *cells], line))
         return [row for row, _ in found], [line for _, line in found]
 
@@ -73,6 +94,8 @@ def find_groups(above: Sequence[str], header: Sequence[str]) -> ColumnGroups | N
         None if there are no two groups with the same headers, each with one column of times.
     """
     cells = [cell.strip() for cell in header]
+    if (repeated := _repeated(cells)) is not None:
+        return repeated
     prefixed = [PREFIXED.fullmatch(cell) for cell in cells if cell]
     if all(prefixed) and prefixed:
         labels = [match["label"].strip() for match in prefixed if match]
@@ -96,6 +119,21 @@ def find_groups(above: Sequence[str], header: Sequence[str]) -> ColumnGroups | N
     if cells != names * len(runs) or len(times) != 1 or "" in names:
         return None
     return ColumnGroups(tuple(runs), tuple(_numbered(names)))
+
+
+def _repeated(cells: Sequence[str]) -> ColumnGroups | None:
+    """Return the columns of one quantity in several runs beside one column of times, if it is so.
+
+    They have the names of runs, and the same unit.
+    """
+    first, *others = [split_header(cell) for cell in cells]
+    labels, units = [label for label, _ in others], {unit for _, unit in others}
+    is_clock = first[0].lower() in TIMES or unit_of_times(first[0]) is not None
+    if not is_clock or len(others) < 2 or len(units) > 1 or not all(map(REPEATED.match, labels)):
+        return None
+    unit = units.pop()
+    named = READING if unit is None else f"{READING} [{unit}]"
+    return ColumnGroups(tuple(labels), (cells[0], named), is_shared=True)
 
 
 def _numbered(headers: Sequence[str]) -> list[str]:

@@ -27,10 +27,11 @@ def read_recording_table(path: str, layout: TableLayout) -> Table:
         InputError: as :func:`dashred.data.io.tables.csv_table.read_table`, or there are no names.
     """
     text, rows, lines = read_cells(path, find_recording)
-    if text.groups is not None and len(layout.every_name or ()) != len(rows[0]):
-        return _grouped_table(path, layout, text, text.groups, rows, lines)
+    groups, named = text.groups, len(layout.every_name or ())
+    if groups is not None and groups.are_meant(layout) and named != len(rows[0]):
+        return _grouped_table(path, layout, text, groups, rows, lines)
     header, names, below = lines[0], layout.every_name, text.below_header
-    units_row = [cell.strip() for cell in rows[1]] if below else []
+    units_row = [cell.strip(" ()[]") for cell in rows[1]] if below else []
     if names is None:
         if not text.has_header and not layout.headers:
             hint = f"give them: recording.columns=[{', '.join(example_names(len(rows[0])))}]"
@@ -44,6 +45,8 @@ def read_recording_table(path: str, layout: TableLayout) -> Table:
         # In place: copying the list of a long table would double its memory.
         del rows[: 1 + below], lines[: 1 + below]
     _drop_empty_rows(rows, lines)
+    if names is None:
+        _fill_ends(headers, rows)
     _drop_empty_end(headers, rows)
     columns, units = read_header(headers, f"{path}:{header}", layout.used)
     for column, unit in zip(columns, units_row, strict=False):
@@ -100,6 +103,14 @@ def _drop_empty_rows(rows: list[list[str]], lines: array[int]) -> None:
     if len(kept) < len(rows):
         rows[:] = [rows[at] for at in kept]
         lines[:] = array("q", [lines[at] for at in kept])
+
+
+def _fill_ends(headers: list[str], rows: list[list[str]]) -> None:
+    """Add empty cells at the end of rows, if the logger leaves them off from the first row on."""
+    if not rows or len(rows[0]) >= len(headers):
+        return
+    for row in rows:
+        row.extend([""] * (len(headers) - len(row)))
 
 
 def _drop_empty_end(headers: list[str], rows: list[list[str]]) -> None:

@@ -13,7 +13,7 @@ from dashred.core.errors import InputError
 from dashred.data.io.tables.grouped_columns import ColumnGroups, find_groups
 
 # Endings of files that are read as tables.
-TABLES = (".csv", ".tsv", ".txt", ".dat")
+TABLES = (".csv", ".tsv", ".txt", ".dat", ".lvm")
 COMMENT = "#"
 COMMA, SPACE = ",", " "
 # Separators in the order in which they are looked for in the header.
@@ -22,6 +22,7 @@ QUOTED = re.compile(r'"[^"]*"')
 NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 THOUSANDS = re.compile(r"[+-]?\d{1,3}(\.\d{3})+(,\d+)?")
+ENGLISH_THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+(\.\d*)?")
 # 2024-05-17, 17.05.24, 5/17/2024, 12:30.
 DATE = re.compile(r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}|\d{1,2}:\d{2}")
 # Rows that are searched for decimal commas, and lines that are searched for the header.
@@ -91,16 +92,24 @@ def find_recording(file: TextIO) -> TableText:
     separator = _separator(head[first])
     rows = [_cells(line, separator) for line in head[: first + 1]]
     top = first
-    while top > begin and len(rows[top - 1]) == len(rows[first]):
+    # The last columns may be empty, such as one for comments: then rows may be shorter.
+    width = len(rows[first])
+    if first > begin and _names_all(rows[first - 1]) and "" not in rows[first - 1]:
+        width = max(width, len(rows[first - 1]))
+    while top > begin and len(rows[top - 1]) == width:
         top -= 1
     for i in range(top, first):
         groups = find_groups(rows[i - 1] if i > top else [], rows[i])
         if groups is not None:
             below = _rows(head[i:], file, separator)
             return TableText(below, separator, i, first - i - 1, groups=groups)
-    header = next((i for i in range(top, first) if _names_all(rows[i])), None)
-    # A line with numbers is a row, whatever its first cell.
-    if header is None or any(_is_number(cell) for row in rows[header + 1 : first] for cell in row):
+    header = next((i for i in range(top, first) if _names_all(rows[i])), first)
+    # A line with numbers below the header is a row, whatever its first cell, unless names follow:
+    # then it is a setting of the logger.
+    with_numbers = (i for i in range(first - 1, header, -1) if any(map(_is_number, rows[i])))
+    if (last := next(with_numbers, None)) is not None:
+        header = next((i for i in range(last + 1, first) if _names_all(rows[i])), first)
+    if header == first:
         return find_header(lines)
     below = _rows(head[header:], file, separator)
     return TableText(below, separator, header, first - header - 1)
@@ -124,6 +133,24 @@ def _is_value(cell: str) -> bool:
 def _names_all(cells: Sequence[str]) -> bool:
     names = [cell.strip() for cell in cells]
     return len(set(names)) == len(names) and "" not in names[:-1]
+
+
+def remove_thousands_separators(rows: list[list[str]]) -> None:
+    """Remove the commas of quoted numbers such as ``"1,234.5"``, in place.
+
+    Only a point as well shows that the comma separates thousands: ``"1,234"`` stays as it is,
+    unless another cell of its column shows it.
+    """
+    columns = {
+        index
+        for row in rows[:HEAD]
+        for index, cell in enumerate(row)
+        if "," in cell and "." in cell and ENGLISH_THOUSANDS.fullmatch(cell.strip())
+    }
+    for row in rows if columns else ():
+        for index in columns:
+            if ENGLISH_THOUSANDS.fullmatch(row[index].strip()):
+                row[index] = row[index].replace(",", "")
 
 
 def write_decimals_with_a_point(rows: list[list[str]], lines: Sequence[int], path: str) -> None:

@@ -14,6 +14,18 @@ from dashred.core.units import split_unit
 # Names of a column of times, in any capitalisation; ``time`` itself comes first.
 TIMES = ("time", "t", "times", "timestamp", "datetime", "date")
 LETTERS_OF_TEMPERATURE = ("C", "F")
+# Names of a column of times that say the unit, in any capitalisation: these, and time_ms, t_s, ...
+UNIT_OF_TIMES = {
+    **dict.fromkeys(("micros", "microseconds"), "us"),
+    **dict.fromkeys(("millis", "milliseconds"), "ms"),
+    **dict.fromkeys(("secs", "seconds"), "s"),
+    "minutes": "min",
+    "hours": "h",
+    "days": "d",
+}
+STEMS = (*TIMES, "elapsed", "epoch", "uptime")
+ENDINGS = {"us": "us", "ms": "ms", "s": "s", "sec": "s", "min": "min", "h": "h", "d": "d"}
+ENDINGS |= UNIT_OF_TIMES
 
 
 @dataclass(frozen=True)
@@ -60,11 +72,23 @@ class TableLayout:
             else:
                 problem = f"recording.columns: the recording has no column {header!r}"
                 raise InputError(problem, where=where, hint=nearest(header, renamed))
-            unit = split_header(headers[place])[1]
+            bare, unit = split_header(headers[place])
+            if unit is None and name == TIMES[0]:
+                unit = unit_of_times(bare)
             renamed[place] = name if unit is None else f"{name} [{unit}]"
             # The number of a column may be the name of a sensor, too.
             plain[place] = name
         return renamed
+
+
+def unit_of_times(name: str) -> str | None:
+    """Return the unit of time in the name of a column, such as ``time_ms``; None without one."""
+    lower = name.lower()
+    stem, _, ending = lower.rpartition("_")
+    # T_s is a temperature.
+    if stem in STEMS and not name.startswith("T_"):
+        return ENDINGS.get(ending)
+    return UNIT_OF_TIMES.get(lower)
 
 
 def split_header(header: str) -> tuple[str, str | None]:

@@ -16,9 +16,10 @@ from dashred.data.io.stated_units import StatedUnits
 from dashred.data.io.tables.columns import Columns
 from dashred.data.io.tables.csv_table import is_number
 from dashred.data.io.tables.dates import CLOCK, is_date, read_dates, seconds_until
-from dashred.data.io.tables.table_layout import TIMES, split_header
+from dashred.data.io.tables.table_layout import TIMES, split_header, unit_of_times
 
 SECONDS = {
+    "us": 1e-6,
     "ms": 1e-3,
     **dict.fromkeys(("s", "sec", "second", "seconds"), 1.0),
     **dict.fromkeys(("min", "minute", "minutes"), 60.0),
@@ -105,15 +106,19 @@ def has_dates(table: Columns, column: TimeColumn) -> bool:
 
 
 def named_times(table: Columns) -> list[str]:
-    """Return the columns with a name for times; ``time`` comes first."""
+    """Return the columns with a name for times; ``time`` comes first.
+
+    A name with a unit, such as ``time_ms`` or ``millis``, counts if there is no other.
+    """
     plain = {column: split_header(column)[0] for column in table.columns}
     # T is a temperature.
-    return [
+    named = [
         column
         for name in TIMES
         for column, bare in plain.items()
         if bare.lower() == name and bare != "T"
     ]
+    return named or [column for column, bare in plain.items() if unit_of_times(bare) is not None]
 
 
 def likely_times(table: Columns) -> str | None:
@@ -126,6 +131,18 @@ def likely_times(table: Columns) -> str | None:
         if cells and all(map(is_date, cells[:FEW])):
             return column
     return None
+
+
+def date_and_clock(table: Columns) -> tuple[str, str] | None:
+    """Return a column of dates and one of times of day, whatever their names, if there are both."""
+    dates, clocks = [], []
+    for column in table.columns:
+        cells = [cell for cell in table.texts(column)[:FEW] if cell]
+        if cells and all(map(CLOCK.match, cells)):
+            clocks.append(column)
+        elif cells and all(is_date(cell) and ":" not in cell for cell in cells):
+            dates.append(column)
+    return (dates[0], clocks[0]) if dates and clocks else None
 
 
 def episode_column(table: Columns, times: NDArray[np.float64], time: TimeColumn) -> str | None:
@@ -164,7 +181,8 @@ def read_times(table: Columns, column: TimeColumn, stated: StatedUnits) -> Times
         return Times(column.step * np.arange(len(table), dtype=np.float64))
     cells = _joined(table, column)
     first = next((cell for cell in cells if cell), "")
-    header, where = table.units.get(column.last), table.header_location(column.last)
+    where = table.header_location(column.last)
+    header = table.units.get(column.last) or unit_of_times(column.last)
     if not is_date(first):
         convert = stated.state(TIME, header, where, "time")
         return Times(convert(table.numbers(column.last)))

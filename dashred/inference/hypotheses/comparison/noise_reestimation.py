@@ -22,7 +22,7 @@ def estimate_noise_under_forcing(forcing: FreeForcing) -> NoiseModel:
     objective, phi = forcing.objective, forcing.phi
     [readings] = objective.forward_model.readings(*objective.split(phi[None]))
     spent = forcing.normal.effective_parameters(range(len(phi)))
-    return replace(objective.estimate_noise(readings, spent), available=objective.noise.available)
+    return objective.estimate_noise(readings, spent).over(objective.noise)
 
 
 def noise_left_by(fit: HypothesisFit) -> NoiseModel:
@@ -54,4 +54,4 @@ def refit_under_noise(fit: HypothesisFit, noise: NoiseModel) -> HypothesisFit:
         without_faults = refit_under_noise(fit.excluded.without_faults, noise)
         return add_faults(without_faults, fit.excluded.sensors)
     problem = fit.objective
-    return refit(fit, replace(problem, noise=replace(noise, available=problem.noise.available)))
+    return refit(fit, replace(problem, noise=noise.over(problem.noise)))

@@ -156,4 +156,16 @@ def weighted(
 ) -> WeakConstraintProblem:
     """Return F with model error and prior in units of the natural scales."""
     error = np.maximum(q * natural.rate * problem.segments.span, 1e-4 * natural.size)
-    return problem.with_weights(error, prior * natural.coefficient)
+    largest = np.maximum(natural.coefficient, _values(problem))
+    prior_std = np.minimum(prior * natural.coefficient, largest)
+    return problem.with_weights(error, prior_std)
+
+
+def _values(problem: WeakConstraintProblem) -> np.ndarray:
+    """Return the size of every parameter, ``(candidate,)``; infinite for a term.
+
+    It bounds the prior std of a change, unless the natural scale is larger. Several natural scales
+    are too wide for a stated value: a gravity of -45 could take the place of a missing drag.
+    """
+    known = problem.simulator.systems[0].config.parameters
+    return np.array([math.inf if c.equation else abs(known[c.name]) for c in problem.candidates])

@@ -73,7 +73,7 @@ class CompiledETDRK4:
             progress: called with the fraction done.
         """
         batch = self.tendency.batch(weights.numpy(), sampled_forcing)
-        steps = StepArrays.of(list(schedule(times.tolist(), self.system.dt)))
+        steps = StepArrays.of(list(schedule(times.tolist(), self.system.dt, self.system.jumps)))
         factors = self._factors(batch.linear, steps.lengths.tolist())
         fields, shape = start.shape[1], self.system.grid.shape
         states = np.full((len(start), len(times), fields, math.prod(shape)), np.nan)

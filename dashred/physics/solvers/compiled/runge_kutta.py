@@ -69,7 +69,7 @@ class CompiledRungeKutta:
             sampled_forcing = SampledForcing(
                 torch.zeros(0).double(), torch.zeros((len(start), 0, 0)).double()
             )
-        steps = list(schedule(times.tolist(), self.system.dt))
+        steps = list(schedule(times.tolist(), self.system.dt, self.system.jumps))
         saved = np.empty((len(times), start.shape[1], len(start)))
         saved[0] = start.numpy().T
         by_row = np.ascontiguousarray(weights.numpy())

@@ -28,21 +28,19 @@ from dashred.physics.solvers.schedule import Step
 
 STAGES = 4
 """Stages of a step."""
-NODES = (0.0, 0.5, 0.5, 1.0)
-"""Times of the stages within a step, as shares of its length."""
 
 
 class StepArrays(NamedTuple):
     """Time steps as arrays.
 
     Attributes:
-        t: start time of each step, ``(step,)``.
+        clock: times of the first, middle and last stages of each step, ``(step, 3)``.
         h: index of each step's length in ``lengths``, ``(step,)``.
         lengths: the different step lengths, ``(length,)``.
         begins, ends: whether the step starts or ends at an output time, ``(step,)``.
     """
 
-    t: Array
+    clock: Array
     h: Indices
     lengths: Array
     begins: NDArray[np.bool_]
@@ -54,7 +52,7 @@ class StepArrays(NamedTuple):
         lengths = list(dict.fromkeys(step.h for step in steps))
         index = {h: i for i, h in enumerate(lengths)}
         return cls(
-            t=np.array([step.t for step in steps]),
+            clock=np.array([(s.first, (s.first + s.last) / 2, s.last) for s in steps]),
             h=np.array([index[step.h] for step in steps], dtype=np.int64),
             lengths=np.array(lengths),
             begins=np.array([step.begins for step in steps]),
@@ -68,8 +66,7 @@ def _advance(
     row: int,
     tendency: TendencyArrays,
     factors: Modes,
-    t: float,
-    h: float,
+    clock: Array,
     shape: tuple[int, ...],
     axes: tuple[int, ...],
     spectra: Modes,
@@ -86,8 +83,7 @@ def _advance(
         row: index of the trajectory.
         tendency: the nonlinear part N.
         factors: ETDRK4 coefficients of this step, ``(6, row or 1, field, mode)``.
-        t: start time of the step.
-        h: its length.
+        clock: times of its first, middle and last stages, ``(3,)``.
         shape: of the grid.
         axes: the grid axes of an array with one leading axis.
         spectra: work array of the inputs in modes.
@@ -112,7 +108,7 @@ def _advance(
                     at[f, k] = half[f, k] * stages[1, f, k] + q[f, k] * ahead
                 elif stage > 0:
                     at[f, k] = half[f, k] * modes[f, k] + q[f, k] * rates[stage - 1, f, k]
-        evaluate_nonlinear(kernel, at, t + NODES[stage] * h, *arguments, rates[stage])
+        evaluate_nonlinear(kernel, at, clock[(stage + 1) // 2], *arguments, rates[stage])
     for f in range(len(modes)):
         for k in range(modes.shape[1]):
             both = rates[1, f, k] + rates[2, f, k]
@@ -153,12 +149,12 @@ def integrate_row(
     rates = np.empty_like(stages)
     work = work_arrays(counts, count, points)
     saved = 0
-    for i in range(len(steps.t)):
+    for i in range(len(steps.h)):
         if steps.begins[i]:
             copy_rows(to_modes(states[row, saved].copy(), shape, axes), modes)
             mask_modes(modes, tendency.mask)
-        t, h, own = steps.t[i], steps.lengths[steps.h[i]], factors[steps.h[i]]
-        _advance(kernel, row, tendency, own, t, h, shape, axes, *work, modes, stages, rates)
+        clock, own = steps.clock[i], factors[steps.h[i]]
+        _advance(kernel, row, tendency, own, clock, shape, axes, *work, modes, stages, rates)
         if steps.ends[i]:
             saved += 1
             copy_rows(to_points(modes, shape, axes), states[row, saved])
@@ -197,12 +193,12 @@ def integrate_stages(
     """
     work = work_arrays(counts, modes.shape[1], states.shape[2])
     saved = 0
-    for i in range(len(steps.t)):
+    for i in range(len(steps.h)):
         if steps.begins[i]:
             copy_rows(to_modes(to_points(modes, shape, axes), shape, axes), modes)
             mask_modes(modes, tendency.mask)
-        t, h, own = steps.t[i], steps.lengths[steps.h[i]], factors[steps.h[i]]
-        _advance(kernel, 0, tendency, own, t, h, shape, axes, *work, modes, stages[i], rates[i])
+        clock, own = steps.clock[i], factors[steps.h[i]]
+        _advance(kernel, 0, tendency, own, clock, shape, axes, *work, modes, stages[i], rates[i])
         if steps.ends[i]:
             copy_rows(to_points(modes, shape, axes), states[saved])
             saved += 1

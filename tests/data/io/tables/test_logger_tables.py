@@ -32,6 +32,7 @@ def read(write: Write, text: str, layout: TableLayout | None = None) -> Table:
         "Run #1,Run #1,Run #1\ntime,u,v\n",
         "# a comment\ntime,u,v\n",
         "# time,u,v\n",
+        "Samples,1000,\nX0,0.0,\n***End_of_Header***,,\ntime,u,v\n",
     ],
 )
 def test_the_header_is_found_between_other_lines(write: Write, head: str) -> None:
@@ -45,6 +46,37 @@ def test_the_header_is_found_between_other_lines(write: Write, head: str) -> Non
 def test_the_line_below_the_header_has_units(write: Write) -> None:
     table = read(write, "time,u [V],v,w\nsecond,mV,-,m/s\n0,1,2,3\n1,2,3,4\n")
     assert table.units == {"time": "second", "u": "V", "w": "m/s"}
+    table = read(write, "time,u,v\n(s),[mV],(rad/s)\n0,1,2\n1,2,3\n")
+    assert table.units == {"time": "s", "u": "mV", "v": "rad/s"}
+
+
+def test_empty_cells_at_the_end_may_be_left_off(write: Write) -> None:
+    table = read(write, "Channels,1,\n***End***,,\ntime,u,v,Comment\n" + ROWS + "0.2,1,4,late\n")
+    assert table.texts("Comment") == ["", "", "late"]
+    np.testing.assert_array_equal(table.numbers("v"), [2, 3, 4])
+
+
+def test_a_clock_that_starts_again_begins_an_episode(write: Write, ode) -> None:
+    lines = [f"{0.1 * (i % 20):.1f},{i},1" for i in range(50)]
+    path = write("r.csv", "\n".join(["t_s,u,v", *lines, ""]))
+    episodes = read_episodes(path, None, ode).episodes
+    assert [(e.name, len(e.recording.times)) for e in episodes] == [("1", 20), ("2", 20), ("3", 10)]
+    back = "\n".join(["time,u,v", *lines[:15], *lines[10:20], ""])
+    with pytest.raises(InputError, match=r"decreases: 1 after 1\.4"):
+        read_episodes(write("r.csv", back), None, ode)
+
+
+@pytest.mark.parametrize("cells", [["5"] * 8 + ["0"] * 8, ["inf"] * 16])
+def test_a_clock_that_stands_still_does_not_start_again(write: Write, ode, cells) -> None:
+    lines = [f"{cell},1,2" for cell in cells]
+    with pytest.raises(InputError, match="time"):
+        read_episodes(write("r.csv", "\n".join(["time,u,v", *lines, ""])), None, ode)
+
+
+def test_a_time_that_is_repeated_is_counted(write: Write, ode) -> None:
+    lines = [f"{0.1 * (i // 2):.1f},{i},1" for i in range(40)]
+    with pytest.raises(InputError, match="20 rows repeat the time of the row before"):
+        read_episodes(write("r.csv", "\n".join(["time,u,v", *lines, ""])), None, ode)
 
 
 def test_a_row_with_a_text_in_front_is_a_row(write: Write) -> None:

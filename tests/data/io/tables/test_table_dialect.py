@@ -30,6 +30,7 @@ TABLES = {
     "a space": written(" "),
     "columns aligned by spaces": "  " + written("    ", form="{:>12}"),
     "spaces around commas": written(" , "),
+    "commas between thousands": written(",", form='"{:,}"'),
     "comments": "# logger 7\n#\n\n" + written(","),
     "numpy.savetxt": "# " + written(" "),
     "numpy.savetxt with commas": "# a run\n# " + written(", "),

@@ -35,6 +35,20 @@ def stamps(form: str, begin: str = "2024-05-31 22:00") -> list[str]:
     return list(pd.date_range(begin, periods=24, freq="15min").strftime(form))
 
 
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [("millis", "ms"), ("t_s", "s"), ("Time_ms", "ms"), ("elapsed_min", "min"), ("hours", "h")],
+)
+def test_a_name_may_say_the_unit(write: Write, ode: Any, name: str, unit: str) -> None:
+    table = read_table(write("r.csv", column(name, ["0", "500", "2000"])))
+    stated = StatedUnits(ode)
+    read_times(table, find_time_column(table), stated)
+    assert stated.units == {"t": unit}
+    # A name without a unit comes first, and T_s is a temperature.
+    other = read_table(write("r.csv", f"{name};t;T_s\n0;1;20\n1;2;20\n"))
+    assert find_time_column(other).columns == ("t",)
+
+
 @pytest.mark.parametrize("name", ["time", "Time", "TIME", "t", "Timestamp", "datetime", "Date"])
 def test_the_column_is_found_by_its_name(write: Write, ode: Any, name: str) -> None:
     found = times(write, ode, column(name, ["0", "0.5", "2"]))
