@@ -41,10 +41,15 @@ def compare_held_out(predictions: HeldOutPredictions) -> list[Comparison]:
     """Compare the corrected simulator with the simulator from its own best start.
 
     Sensors with a fault are corrected for both, so that only the law and the start are compared.
+    Data at which the corrected run of a chaotic system is lost from the beginning are left out.
     """
     found = []
     for data, parts in predictions.items():
-        both = [part.with_same_sensors() for part in parts if {BEFORE, AFTER} <= part.read.keys()]
+        both = [
+            part.with_same_sensors()
+            for part in parts
+            if {BEFORE, AFTER} <= part.read.keys() and not part.is_lost
+        ]
         compared = [part for part in map(_predictable, both) if np.isfinite(part.recorded).any()]
         if compared:
             found.append(_compare(data, both, compared))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from torch import Tensor
@@ -19,6 +20,10 @@ from dashred.pipeline.verification.restart import restart
 
 HeldOutPredictions = Mapping[HeldOutData, list[Predictions]]
 """Predictions by kind of held-out data: one for each episode, or several forecasts of each."""
+
+# Last part of the fit in which a run of a chaotic system is lost if its error is larger than this,
+# in standard deviations of the readings. That of an unrelated run is about 1.4.
+LAST_SHARE, FEWEST, LOST = 0.05, 8, 0.5
 
 
 def predict_held_out(problem: Problem, analysis: Analysis) -> HeldOutPredictions:
@@ -99,7 +104,26 @@ def _in_heldout_time(problem: Problem, analysis: Analysis) -> Predictions:
     begin = total - len(problem.split.heldout.times)
     ends = {"simulation": analysis.nominal.states, **analysis.trajectories.states}
     runs = {name: states[begin:total] for name, states in ends.items()}
-    return _over_heldout_time(problem, analysis, problem.split.heldout, runs)
+    found = _over_heldout_time(problem, analysis, problem.split.heldout, runs)
+    # Without forecasts from a state fitted just before, nothing else could contradict the law.
+    has_forecasts = not follows_segments(problem)
+    return replace(found, is_lost=has_forecasts and _is_lost(problem, analysis))
+
+
+def _is_lost(problem: Problem, analysis: Analysis) -> bool:
+    """Return whether the corrected run of a chaotic system is lost at the end of the fit.
+
+    The law of such a recording is fitted over segments. No single run follows it, even with the
+    right law, and later errors are those of chance.
+    """
+    fit, states = problem.split.fit, analysis.trajectories.states["corrected"]
+    count = len(fit.times)
+    first = count - max(FEWEST, round(LAST_SHARE * count))
+    last = fit.samples(slice(max(first, 0), count))
+    runs = {"corrected": states[max(first, 0) : count]}
+    law, rate = analysis.discovery.best, analysis.trajectories.growth_rate
+    end = predict(problem, last, fit.trace_scale(), law, runs, rate)
+    return not end.is_predictable and not pooled_rmse([end], "corrected") < LOST
 
 
 def _restarted(problem: Problem, analysis: Analysis) -> list[Predictions]:

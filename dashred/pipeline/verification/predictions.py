@@ -32,6 +32,7 @@ class Predictions:
         read: readings of the simulated states by method, ``(time, sensor)``.
         offset: error of the sensors according to the explanation, ``(time, sensor)``.
         is_predictable: whether a small error of the start stays small over the recording.
+        is_lost: whether the corrected run is lost before these times begin.
     """
 
     times: Array
@@ -40,6 +41,7 @@ class Predictions:
     read: dict[str, Array]
     offset: Array
     is_predictable: bool
+    is_lost: bool = False
 
     def errors(self, method: str) -> Array:
         """Return the errors of a method in units of the scale, ``(time, sensor)``.

@@ -69,7 +69,7 @@ def improvements(findings: Mapping[str, Any]) -> list[str]:
             parts.insert(0, f"{_size(same_start)} for the simulation from {start}")
         change = _factor(error_before(findings, key), corrected)
         if findings["terms"] and is_lost(fit, key):
-            change = "both runs of this chaotic system are lost before then"
+            change = "runs of this chaotic system are lost before then"
         lines.append(
             f"{place} the error is {', '.join(parts)}: {change}.{_predictable(findings, key)}"
         )
@@ -77,7 +77,7 @@ def improvements(findings: Mapping[str, Any]) -> list[str]:
 
 
 def is_lost(fit: Mapping[str, Any], key: str) -> bool:
-    """Return whether both runs of a chaotic system are lost before these held-out data begin.
+    """Return whether runs of a chaotic system are lost before these held-out data begin.
 
     They are then not compared there, although they are compared elsewhere.
     """

@@ -94,6 +94,12 @@ def test_a_chaotic_system_is_compared_until_both_runs_are_lost() -> None:
     assert compare_held_out({"heldout_time": [late]}) == []
 
 
+def test_a_run_that_is_lost_from_the_beginning_is_not_compared() -> None:
+    wrong = predictions(np.full(80, 0.2), np.full(80, 1.4), is_predictable=False)
+    assert compared(wrong)["worse"]
+    assert compare_held_out({"heldout_time": [replace(wrong, is_lost=True)]}) == []
+
+
 def test_samples_of_several_episodes_are_pooled() -> None:
     parts = [predictions(np.full(80, 0.2), np.full(80, 0.5), seed=seed) for seed in range(6)]
     [found] = compare_held_out({"heldout_time": [part.truncate(8) for part in parts]})

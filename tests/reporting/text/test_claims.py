@@ -225,7 +225,7 @@ def test_data_for_which_both_chaotic_runs_are_lost_support_nothing() -> None:
     told["fit"]["test_sensors"] = errors_by_method()
     told["fit"]["heldout_restarted"] = errors_by_method(simulation_refit=1.2, corrected=0.1)
     [late, restarted] = improvements(told)
-    assert late.endswith("both runs of this chaotic system are lost before then.")
+    assert late.endswith(": runs of this chaotic system are lost before then.")
     assert restarted.endswith("12 times smaller.")
     assert headline(told).endswith("from a state fitted just before it, is 12 times smaller.")
 
