@@ -132,6 +132,7 @@ def cell_centres(system: System, cells: int) -> Tensor:
     cells_along = round(cells ** (1 / len(system.axes)))
     centres = [
         (torch.arange(cells_along, dtype=torch.float64) + 0.5) * axis.length / cells_along
+        + axis.begin
         for axis in system.axes
     ]
     return torch.stack(torch.meshgrid(*centres, indexing="ij"), dim=-1).flatten(0, -2)
@@ -140,5 +141,5 @@ def cell_centres(system: System, cells: int) -> Tensor:
 def _bump(axis: Axis, x: Tensor, cell: int, cells: int) -> Tensor:
     """Return a periodic bump around the centre of a cell, as wide as the cell."""
     width = axis.length / cells
-    turn = 2 * math.pi * (x - (cell + 0.5) * width) / axis.period
+    turn = 2 * math.pi * (x - axis.begin - (cell + 0.5) * width) / axis.period
     return torch.exp((torch.cos(turn) - 1) * (axis.period / width / math.pi) ** 2)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import torch
@@ -21,6 +20,7 @@ from dashred.physics.external.protocol import Stepper
 from dashred.physics.external.rounding import equal
 from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
 from dashred.physics.grids.grid import Grid
+from dashred.physics.grids.mesh import Mesh
 
 # Rounding error that is assumed until the first step: that of single precision.
 SINGLE = 6e-8
@@ -33,7 +33,7 @@ class SteppedProgram:
         tangent: see :class:`dashred.physics.external.protocol.Program`.
     """
 
-    def __init__(self, adapter: Adapter, grid: Grid, keep: bool = True) -> None:
+    def __init__(self, adapter: Adapter, grid: Grid | Mesh, keep: bool = True) -> None:
         """Set the program.
 
         Args:
@@ -98,8 +98,7 @@ class SteppedProgram:
         parameters: Mapping[str, float],
     ) -> Array:
         """See :meth:`dashred.physics.external.protocol.Program.step`."""
-        own: tuple[Any, ...] = (..., *(axis.own for axis in self._grid.axes))
-        found = states[own].copy()
+        found = self._grid.own(torch.from_numpy(states)).numpy().copy()
         # A program may fail for a step of no length, such as those that fill up a short segment.
         moving = np.flatnonzero(dt)
         if moving.size:

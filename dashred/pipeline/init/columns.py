@@ -48,6 +48,11 @@ class GuessedAxis:
     length: float
     points: int
 
+    @property
+    def begin(self) -> float:
+        """The beginning of the axis."""
+        return 0.0
+
     def wrap(self, place: float, /) -> float:
         """Return the position unchanged, because all sensors are on the guessed axis."""
         return place
@@ -91,6 +96,10 @@ class GuessedSystem:
     left_out: tuple[str, ...] = ()
     units: dict[str, str] = field(default_factory=dict)
     texts: tuple[str, ...] = ()
+
+    def contains(self, place: Sequence[float], /) -> bool:
+        """True: the axes are the whole domain."""
+        return True
 
     @property
     def where(self) -> Callable[[str], str]:

@@ -164,10 +164,11 @@ def _bumps(system: System, cells: int) -> Iterator[Bump]:
     along = round(cells ** (1 / len(system.axes)))
     shortest = min(axis.length for axis in system.axes)
     spacing = max(axis.length / along for axis in system.axes)
-    for width in WIDTHS:
-        if width * spacing <= WIDEST * shortest:
-            for centre in cell_centres(system, cells).tolist():
-                yield Bump(tuple(centre), width * spacing)
+    # On a long domain all may be too wide for its short axis: then the narrowest is tried.
+    widths = [width for width in WIDTHS if width * spacing <= WIDEST * shortest] or WIDTHS[:1]
+    for width in widths:
+        for centre in cell_centres(system, cells).tolist():
+            yield Bump(tuple(centre), width * spacing)
 
 
 def _courses(knots: Tensor) -> dict[object, list[Course]]:
