@@ -7,6 +7,8 @@ from dashred.core.errors import InputError
 from dashred.physics.system_schema import Axis, System
 
 OPEN = "open"
+# Fewest points of an axis. Here the points only say how large the problem is.
+FEWEST_POINTS = 8
 
 
 def coordinates_of_nodes(system: System, where: Where) -> dict[str, Axis]:
@@ -35,8 +37,9 @@ def coordinates_of_nodes(system: System, where: Where) -> dict[str, Axis]:
     from dashred.physics.grids.nodes_file import read_nodes
 
     coordinates = read_nodes(system.nodes or "")
-    points = {name: round(len(x) ** (1 / len(coordinates))) for name, x in coordinates.items()}
+    count = len(next(iter(coordinates.values())))
+    points = max(FEWEST_POINTS, round(count ** (1 / len(coordinates))))
     return {
-        name: Axis(length=float(max(x) - min(x)), points=points[name], ends=OPEN)
+        name: Axis(length=float(max(x) - min(x)), points=points, ends=OPEN)
         for name, x in coordinates.items()
     }

@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 import torch
-from scipy.spatial import Delaunay
+from scipy.spatial import Delaunay, cKDTree
 from scipy.spatial.distance import cdist
 from torch import Tensor
 
@@ -50,6 +50,11 @@ class Mesh:
             Axis(name, float(length), points, "open", begin=float(begin))
             for name, length, begin in zip(self.names, extent, low, strict=True)
         )
+
+    @cached_property
+    def spacing(self) -> float:
+        """Median distance of a node from the nearest other one."""
+        return float(np.median(cKDTree(self.nodes).query(self.nodes, k=2)[0][:, 1]))
 
     @property
     def shape(self) -> tuple[int, ...]:

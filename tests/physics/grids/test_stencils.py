@@ -91,7 +91,7 @@ def test_diffusion_by_the_stencils_does_not_grow() -> None:
 def test_a_stencil_on_a_line_gets_more_nodes() -> None:
     along = np.linspace(0, 1, 2 * stencil_size(2))
     line = np.stack([along, 0 * along], axis=1)
-    rows = np.concatenate([line + [0, 0.3 * k] for k in range(4)])
+    rows = np.concatenate([line + np.array([0, 0.3 * k]) for k in range(4)])
     weights, slope = local_weights(rows, rows[:1], [(0, 0), (0, 1)])
     assert np.diff(weights.indptr)[0] > stencil_size(2)
     y = rows[:, 1]
