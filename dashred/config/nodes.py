@@ -7,6 +7,8 @@ from dashred.core.errors import InputError
 from dashred.physics.system_schema import Axis, System
 
 OPEN = "open"
+# The dimension of a field.
+NODE = "node"
 # Fewest points of an axis. Here the points only say how large the problem is.
 FEWEST_POINTS = 8
 
@@ -33,6 +35,10 @@ def coordinates_of_nodes(system: System, where: Where) -> dict[str, Axis]:
     if system.front is not None:
         what = "system.front needs a system with one periodic axis"
         raise InputError(what, where=where("system.front"), hint="remove it")
+    for section in ("fields", "parameters", "inputs"):
+        if NODE in getattr(system, section):
+            what = f"{NODE!r} is the dimension of fields at nodes, and cannot be a name"
+            raise InputError(what, where=where(f"system.{section}.{NODE}"), hint=f"{NODE}_0")
     # Imported here, because few systems have nodes.
     from dashred.physics.grids.nodes_file import read_nodes
 

@@ -21,7 +21,7 @@ Rate = Callable[[Tensor, float], Tensor]
 # most steps in one: more are a law that is far too stiff, and blows up.
 LIMIT, MOST_STEPS = 2.5, 200
 # Iterations, the last of which count, and the factor that they may be short of.
-ITERATIONS, COUNTED, SAFETY = 24, 4, 1.3
+ITERATIONS, COUNTED, SAFETY = 8, 2, 1.5
 # Length of the differences, as a share of the largest value of a state.
 DIFFERENCE = 1e-6
 

@@ -19,8 +19,8 @@ from dashred.physics.external.protocol import Program
 from dashred.physics.system import System
 from tests.conftest import CHECKOUT
 from tests.documents import snippets
-from tests.physics.grids.test_stencils import scattered
 from tests.physics.external.fmu.build import build
+from tests.physics.grids.test_stencils import scattered
 
 PAGE = CHECKOUT / "docs" / "external-simulators.md"
 FUNCTION, NETCDF, TEXT, NODES, FMU = snippets(PAGE, "yaml")

@@ -20,6 +20,9 @@ from dashred.physics.grids.stencils import Array, local_weights
 NODE = "node"
 # Points of a picture along each axis.
 PICTURE = {1: 200, 2: 100}
+# Nodes of which the covariance of a Gaussian process is decomposed at most, and the smallest
+# variance of a mode, as a share of the largest: smaller ones are rounding errors.
+MOST_CORRELATED, SMALLEST_VARIANCE = 1000, 1e-10
 # Share of the extent by which a place may lie outside: rounding of its coordinates.
 ROUNDING = 1e-9
 
@@ -233,8 +236,21 @@ def _mesh(names: tuple[str, ...], nodes: bytes) -> Mesh:
 
 @lru_cache
 def _smooth_modes(mesh: Mesh, length: float) -> tuple[Tensor, Tensor]:
+    """Return variances and modes of a Gaussian process.
+
+    With many nodes it is conditioned on some of them (Williams & Seeger, NIPS 13, 2000): its
+    covariance is then ``C_ns C_ss⁻¹ C_sn`` with a sample s of the nodes n.
+    """
     nodes = mesh.nodes
-    covariance = np.exp(-cdist(nodes, nodes, "sqeuclidean") / (2 * length**2))
-    values, vectors = np.linalg.eigh(covariance)
-    found = np.ascontiguousarray(values[::-1]), np.ascontiguousarray(vectors.T[::-1])
-    return torch.from_numpy(found[0]) / len(nodes), torch.from_numpy(found[1]) * len(nodes) ** 0.5
+    sample = nodes[np.random.default_rng(0).permutation(len(nodes))[:MOST_CORRELATED]]
+    values, vectors = np.linalg.eigh(_covariance(sample, sample, length))
+    kept = values > SMALLEST_VARIANCE * values[-1]
+    columns = _covariance(nodes, sample, length) @ (vectors[:, kept] / values[kept] ** 0.5)
+    variances = np.mean(columns**2, axis=0)
+    order = variances.argsort()[::-1]
+    modes = (columns / variances**0.5).T[order]
+    return torch.from_numpy(variances[order]), torch.from_numpy(np.ascontiguousarray(modes))
+
+
+def _covariance(some: Array, others: Array, length: float) -> Array:
+    return np.exp(-cdist(some, others, "sqeuclidean") / (2 * length**2))

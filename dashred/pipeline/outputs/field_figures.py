@@ -82,4 +82,5 @@ def draw_forcing(problem: Problem, forcing: Forcing, source: LocalisedSource | N
     [axis], units = problem.system.axes, problem.system.units
     places = [sensor.position[0] for sensor in problem.split.fit.sensors]
     label = label_with_unit(axis.name, units.get(axis.name))
-    return forcing_figure(forcing, label, axis.length, places, time_label(units), source)
+    span = axis.begin, axis.begin + axis.length
+    return forcing_figure(forcing, label, span, places, time_label(units), source)
