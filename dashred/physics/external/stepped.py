@@ -98,7 +98,8 @@ class SteppedProgram:
         parameters: Mapping[str, float],
     ) -> Array:
         """See :meth:`dashred.physics.external.protocol.Program.step`."""
-        found = self._grid.own(torch.from_numpy(states)).numpy().copy()
+        # A copy before, because torch takes no array that cannot be written to.
+        found = self._grid.own(torch.from_numpy(states.copy())).numpy().copy()
         # A program may fail for a step of no length, such as those that fill up a short segment.
         moving = np.flatnonzero(dt)
         if moving.size:
@@ -146,7 +147,7 @@ class SteppedProgram:
 
     @cached_property
     def _results(self) -> KeptResults:
-        words = json.dumps([self.sha256, *self._adapter.fields])
+        words = json.dumps([self.sha256, *self._adapter.fields, *self._grid.files])
         return KeptResults(words)
 
     def _step_all(self, batch: StateBatch) -> Array:

@@ -147,6 +147,11 @@ class Grid:
         return tuple(axis.name for axis in self.axes)
 
     @property
+    def files(self) -> tuple[str, ...]:
+        """Hashes of the files that it comes from: none."""
+        return ()
+
+    @property
     def labels(self) -> dict[str, tuple[str, Tensor]]:
         """Dimension and values of each coordinate in a dataset, ``(point,)``."""
         return {name: (name, x) for name, x in self.own_coordinates.items()}

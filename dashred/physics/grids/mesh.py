@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from hashlib import sha256
 
 import numpy as np
 import torch
 from scipy.spatial import Delaunay, cKDTree
-from scipy.spatial.distance import cdist
 from torch import Tensor
 
 from dashred.physics.grids.grid import Axis, HasAxes
@@ -20,9 +20,6 @@ from dashred.physics.grids.stencils import Array, local_weights
 NODE = "node"
 # Points of a picture along each axis.
 PICTURE = {1: 200, 2: 100}
-# Nodes of which the covariance of a Gaussian process is decomposed at most, and the smallest
-# variance of a mode, as a share of the largest: smaller ones are rounding errors.
-MOST_CORRELATED, SMALLEST_VARIANCE = 1000, 1e-10
 # Share of the extent by which a place may lie outside: rounding of its coordinates.
 ROUNDING = 1e-9
 
@@ -94,6 +91,11 @@ class Mesh:
     def sides(self) -> dict[str, Tensor]:
         """Sides of mirrored axes: there are none."""
         return {}
+
+    @cached_property
+    def files(self) -> tuple[str, ...]:
+        """SHA-256 of the nodes, from whose file a program may read them, too."""
+        return (sha256(self.nodes.tobytes()).hexdigest(),)
 
     @property
     def labels(self) -> dict[str, tuple[str, Tensor]]:
@@ -173,16 +175,6 @@ class Mesh:
         """Return ``Σ f V`` over the nodes, with the volume V of each."""
         return float(field @ self.volumes)
 
-    def smooth_modes(self, length: float) -> tuple[Tensor, Tensor]:
-        """Return variances ``(mode,)`` and modes ``(mode, node)`` of mean square 1, largest first.
-
-        They belong to the covariance ``exp(-r²/2ℓ²)`` of a Gaussian process.
-
-        Args:
-            length: ℓ, in the unit of the coordinates.
-        """
-        return _smooth_modes(self, length)
-
     def picture(self, states: Tensor) -> tuple[dict[str, Tensor], Tensor]:
         """Return even coordinates along each axis, and states ``(…, *points)`` to draw there.
 
@@ -232,25 +224,3 @@ def open_mesh(path: str) -> Mesh:
 def _mesh(names: tuple[str, ...], nodes: bytes) -> Mesh:
     """Return one mesh for equal nodes: its matrices are computed once."""
     return Mesh(names, np.frombuffer(nodes).reshape(-1, len(names)))
-
-
-@lru_cache
-def _smooth_modes(mesh: Mesh, length: float) -> tuple[Tensor, Tensor]:
-    """Return variances and modes of a Gaussian process.
-
-    With many nodes it is conditioned on some of them (Williams & Seeger, NIPS 13, 2000): its
-    covariance is then ``C_ns C_ss⁻¹ C_sn`` with a sample s of the nodes n.
-    """
-    nodes = mesh.nodes
-    sample = nodes[np.random.default_rng(0).permutation(len(nodes))[:MOST_CORRELATED]]
-    values, vectors = np.linalg.eigh(_covariance(sample, sample, length))
-    kept = values > SMALLEST_VARIANCE * values[-1]
-    columns = _covariance(nodes, sample, length) @ (vectors[:, kept] / values[kept] ** 0.5)
-    variances = np.mean(columns**2, axis=0)
-    order = variances.argsort()[::-1]
-    modes = (columns / variances**0.5).T[order]
-    return torch.from_numpy(variances[order]), torch.from_numpy(np.ascontiguousarray(modes))
-
-
-def _covariance(some: Array, others: Array, length: float) -> Array:
-    return np.exp(-cdist(some, others, "sqeuclidean") / (2 * length**2))

@@ -88,26 +88,6 @@ def test_values_between_the_nodes(mesh: Mesh) -> None:
     np.testing.assert_allclose(found, np.sin(places.prod(axis=1)), atol=1e-4)
 
 
-def test_smooth_modes_have_the_covariance(mesh: Mesh) -> None:
-    values, modes = mesh.smooth_modes(0.5)
-    whole = (modes * values[:, None]).T @ modes
-    apart = torch.cdist(torch.from_numpy(mesh.nodes), torch.from_numpy(mesh.nodes))
-    torch.testing.assert_close(whole, torch.exp(-(apart**2) / 0.5), atol=1e-6, rtol=0)
-    torch.testing.assert_close(modes.square().mean(dim=1), torch.ones(len(modes)).double())
-    assert float(values.sum()) == pytest.approx(1.0)
-    assert bool((values.diff() <= 0).all())
-
-
-def test_smooth_modes_of_many_nodes_have_the_covariance() -> None:
-    mesh = Mesh(("x", "y"), scattered(1600, 2))
-    values, modes = mesh.smooth_modes(0.2)
-    assert len(values) < 1000
-    few = modes[:, ::40]
-    apart = torch.cdist(torch.from_numpy(mesh.nodes[::40]), torch.from_numpy(mesh.nodes[::40]))
-    whole = (few * values[:, None]).T @ few
-    torch.testing.assert_close(whole, torch.exp(-(apart**2) / 0.08), atol=1e-6, rtol=0)
-
-
 def test_a_picture_is_linear_between_the_nodes_and_empty_outside(mesh: Mesh) -> None:
     x, y = mesh.coordinates.values()
     lines, drawn = mesh.picture(torch.stack([x - 2 * y, y])[None])
