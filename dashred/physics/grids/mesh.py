@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, reduce
 from hashlib import sha256
+from operator import add
 
 import numpy as np
 import torch
+from scipy.sparse import csr_array
 from scipy.spatial import Delaunay, cKDTree
 from torch import Tensor
 
@@ -20,6 +22,8 @@ from dashred.physics.grids.stencils import Array, local_weights
 NODE = "node"
 # Points of a picture along each axis.
 PICTURE = {1: 200, 2: 100}
+# Nodes up to which a product with a full matrix is faster than with a sparse one.
+MOST_DENSE = 1000
 # Share of the extent by which a place may lie outside: rounding of its coordinates.
 ROUNDING = 1e-9
 
@@ -44,11 +48,11 @@ class Mesh:
     def axes(self) -> tuple[Axis, ...]:
         """Extent of each coordinate; the points are those of evenly spread nodes."""
         count, dimension = self.nodes.shape
-        low, extent = self.nodes.min(axis=0), np.ptp(self.nodes, axis=0)
+        low, high = (np.asarray(f(self.nodes, axis=0)).tolist() for f in (np.min, np.max))
         points = max(1, round(count ** (1 / dimension)))
         return tuple(
-            Axis(name, float(length), points, "open", begin=float(begin))
-            for name, length, begin in zip(self.names, extent, low, strict=True)
+            Axis(name, end - begin, points, "open", begin=begin)
+            for name, begin, end in zip(self.names, low, high, strict=True)
         )
 
     @cached_property
@@ -142,19 +146,17 @@ class Mesh:
 
     @cached_property
     def derivatives(self) -> dict[tuple[int, ...], Tensor]:
-        """Weights of the first and second derivatives by order, sparse ``(node, node)``."""
+        """Weights of derivatives by order, and of the Laplacian, ``(node, node)``.
+
+        The order is that by each coordinate: ``(1, 0)``. The Laplacian is under ``()``. With many
+        nodes the matrices are sparse.
+        """
         rows = np.eye(len(self.names), dtype=int)
         orders = [*map(tuple, rows.tolist()), *map(tuple, (2 * rows).tolist())]
-        found = {}
-        for order, weights in zip(
-            orders, local_weights(self.nodes, self.nodes, orders), strict=True
-        ):
-            entries = weights.tocoo()
-            where = torch.from_numpy(np.stack([entries.row, entries.col]).astype(np.int64))
-            values = torch.from_numpy(entries.data)
-            matrix = torch.sparse_coo_tensor(where, values, weights.shape, check_invariants=False)
-            found[order] = matrix.coalesce()
-        return found
+        weights = local_weights(self.nodes, self.nodes, orders)
+        laplacian = reduce(add, weights[len(self.names) :])
+        named = zip([*orders, ()], [*weights, laplacian], strict=True)
+        return {order: _as_tensor(matrix) for order, matrix in named}
 
     @cached_property
     def volumes(self) -> Tensor:
@@ -208,6 +210,15 @@ class Mesh:
     @cached_property
     def _triangles(self) -> Delaunay:
         return Delaunay(self.nodes)
+
+
+def _as_tensor(weights: csr_array) -> Tensor:
+    if weights.shape[0] <= MOST_DENSE:
+        return torch.from_numpy(weights.toarray())
+    entries = weights.tocoo()
+    where = torch.from_numpy(np.stack([entries.row, entries.col]).astype(np.int64))
+    values = torch.from_numpy(entries.data)
+    return torch.sparse_coo_tensor(where, values, weights.shape).coalesce()
 
 
 def open_mesh(path: str) -> Mesh:

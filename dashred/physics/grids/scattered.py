@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import torch
 from torch import Tensor
 
-from dashred.physics.grids.grid_value import Value, on_points, on_whole_grid, total
+from dashred.physics.grids.grid_value import Value, on_points, on_whole_grid
 from dashred.physics.grids.mesh import Mesh
 
 
@@ -23,14 +22,11 @@ class Scattered:
         """Return ``∂ⁿf/∂xⁿ``, for n up to 2."""
         powers = [0] * len(self.grid.names)
         powers[self.grid.index(axis)] = order
-        points = on_whole_grid(self.on_grid(value), self.grid)
-        flat = points.reshape(-1, points.shape[-1])
-        found = torch.sparse.mm(self.grid.derivatives[tuple(powers)], flat.T).T
-        return Value(found.reshape(points.shape))
+        return self._weighted(value, tuple(powers))
 
     def laplacian(self, value: Value) -> Value:
         """Return the sum of second derivatives."""
-        return total([self.derivative(value, name, 2) for name in self.grid.names])
+        return self._weighted(value, ())
 
     def inverse_laplacian(self, value: Value) -> Value:
         """Raise TypeError; :meth:`.declaration.Declaration.parse` accepts none."""
@@ -39,3 +35,8 @@ class Scattered:
     def flux(self, value: Value, axis: str, transported: Value) -> Value:
         """Return ``∂f/∂x``: the stencils are not upwind."""
         return self.derivative(value, axis, 1)
+
+    def _weighted(self, value: Value, order: tuple[int, ...]) -> Value:
+        points = on_whole_grid(self.on_grid(value), self.grid)
+        flat = points.reshape(-1, points.shape[-1])
+        return Value((self.grid.derivatives[order] @ flat.T).T.reshape(points.shape))

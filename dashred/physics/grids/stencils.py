@@ -84,12 +84,11 @@ def _entries(
     """
     tree = cKDTree(nodes)
     for part in np.array_split(chosen, -(-len(chosen) // AT_ONCE)):
-        near = tree.query(places[part], k=size)[1]
+        near = np.asarray(tree.query(places[part], k=size)[1])
         offsets = nodes[near] - places[part][:, None]
         scale = np.linalg.norm(offsets, axis=2).max(axis=1)
         offsets /= scale[:, None, None]
-        condition: Array = np.linalg.cond(_monomials(offsets))
-        good = condition < MOST_CONDITION
+        good = np.asarray(np.linalg.cond(_monomials(offsets))) < MOST_CONDITION
         powers = np.array([sum(alpha) for alpha in derivatives])
         weights = _solve(offsets[good], derivatives) / scale[good, None, None] ** powers
         yield np.repeat(part[good, None], size, axis=1), near[good], weights

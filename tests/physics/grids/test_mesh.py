@@ -41,6 +41,15 @@ def test_derivatives_of_a_batch(mesh: Mesh) -> None:
     assert float((lap[0, 0] + 5 * fields[0, 0]).square().mean().sqrt()) < 0.2
 
 
+def test_sparse_matrices_of_many_nodes() -> None:
+    mesh = Mesh(("x", "y"), scattered(1000, 2))
+    x, y = mesh.coordinates.values()
+    assert mesh.derivatives[()].is_sparse
+    operators = Scattered(mesh)
+    found = operators.on_grid(operators.laplacian(Value((x * y**2).expand(3, 1, -1))))
+    torch.testing.assert_close(found, (2 * x).expand(3, 1, -1), atol=1e-6, rtol=0)
+
+
 def test_derivatives_of_a_coordinate_and_of_a_number(mesh: Mesh) -> None:
     operators = Scattered(mesh)
     slope = operators.on_grid(operators.derivative(Value(mesh.coordinates["x"]), "x", 1))
