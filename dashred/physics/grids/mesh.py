@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, reduce
@@ -48,11 +49,11 @@ class Mesh:
     def axes(self) -> tuple[Axis, ...]:
         """Extent of each coordinate; the points are those of evenly spread nodes."""
         count, dimension = self.nodes.shape
-        low, high = (np.asarray(f(self.nodes, axis=0)).tolist() for f in (np.min, np.max))
         points = max(1, round(count ** (1 / dimension)))
+        spans = [(min(x), _length(min(x), max(x))) for x in self.nodes.T.tolist()]
         return tuple(
-            Axis(name, end - begin, points, "open", begin=begin)
-            for name, begin, end in zip(self.names, low, high, strict=True)
+            Axis(name, length, points, "open", begin=begin)
+            for name, (begin, length) in zip(self.names, spans, strict=True)
         )
 
     @cached_property
@@ -212,13 +213,21 @@ class Mesh:
         return Delaunay(self.nodes)
 
 
+def _length(begin: float, end: float) -> float:
+    """Return the distance, rounded so that the end is not beyond ``begin + length``."""
+    length = end - begin
+    while begin + length < end:
+        length = math.nextafter(length, math.inf)
+    return length
+
+
 def _as_tensor(weights: csr_array) -> Tensor:
     if weights.shape[0] <= MOST_DENSE:
         return torch.from_numpy(weights.toarray())
     entries = weights.tocoo()
     where = torch.from_numpy(np.stack([entries.row, entries.col]).astype(np.int64))
     values = torch.from_numpy(entries.data)
-    return torch.sparse_coo_tensor(where, values, weights.shape).coalesce()
+    return torch.sparse_coo_tensor(where, values, weights.shape, check_invariants=True).coalesce()
 
 
 def open_mesh(path: str) -> Mesh:

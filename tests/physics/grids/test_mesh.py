@@ -29,12 +29,20 @@ def test_its_axes_have_the_extent_of_the_nodes(mesh: Mesh) -> None:
     assert mesh.dimensions == ("node",)
 
 
+def test_the_ends_are_within_the_axes() -> None:
+    for begin, end in np.random.default_rng(0).normal(size=(200, 2)).tolist():
+        low, high = min(begin, end), max(begin, end)
+        line = Mesh(("s",), np.linspace(low, high, 9)[:, None])
+        assert line.contains((high,)) and line.contains((low,))
+        assert line.axes[0].length == pytest.approx(high - low, rel=1e-12)
+
+
 def test_derivatives_of_a_batch(mesh: Mesh) -> None:
     operators = Scattered(mesh)
     x, y = mesh.coordinates.values()
     fields = torch.stack([torch.sin(x + 2 * y), x * y**2])[None]
     along_y = operators.on_grid(operators.derivative(Value(fields), "y", 1))
-    lap = operators.on_grid(operators.laplacian(Value(fields)))
+    lap = torch.as_tensor(operators.on_grid(operators.laplacian(Value(fields))))
     exact = torch.stack([2 * torch.cos(x + 2 * y), 2 * x * y])[None]
     torch.testing.assert_close(along_y, exact, atol=4e-3, rtol=0)
     torch.testing.assert_close(lap[0, 1], 2 * x, atol=1e-6, rtol=0)
