@@ -243,4 +243,4 @@ def open_mesh(path: str) -> Mesh:
 @lru_cache
 def _mesh(names: tuple[str, ...], nodes: bytes) -> Mesh:
     """Return one mesh for equal nodes: its matrices are computed once."""
-    return Mesh(names, np.frombuffer(nodes).reshape(-1, len(names)))
+    return Mesh(names, np.frombuffer(nodes).reshape(-1, len(names)).copy())

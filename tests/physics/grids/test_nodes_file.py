@@ -50,6 +50,7 @@ def test_netcdf(tmp_path: Path) -> None:
 def test_equal_nodes_are_one_mesh(tmp_path: Path) -> None:
     path = written(tmp_path, LINES)
     assert open_mesh(path) is open_mesh(path)
+    assert open_mesh(path).nodes.flags.writeable  # torch warns of arrays that are not
 
 
 def test_a_changed_file_is_read_again(tmp_path: Path) -> None:
