@@ -59,7 +59,8 @@ class Mesh:
     @cached_property
     def spacing(self) -> float:
         """Median distance of a node from the nearest other one."""
-        return float(np.median(cKDTree(self.nodes).query(self.nodes, k=2)[0][:, 1]))
+        distances, _ = cKDTree(self.nodes).query(self.nodes, k=[2])
+        return float(np.median(distances))
 
     @property
     def shape(self) -> tuple[int, ...]:
