@@ -26,7 +26,7 @@ pytestmark = pytest.mark.slow
 PAGE = CHECKOUT / "docs" / "external-simulators.md"
 REACTION, SIGMA = -0.4, 0.01
 NODES = scattered(64, 2)
-SENSORS = np.random.default_rng(2).uniform(0.05, 0.95, (9, 2))
+SENSORS = np.random.default_rng(2).uniform(0.05, 0.95, (8, 2))
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     Path("plate.py").write_text(program)
     Path("plate.yaml").write_text(
         f"{system}recording: {{path: plate_recording.csv, sensors: sensors.csv}}\n"
-        f"{SMALL}budget: 3000\n"
+        f"{SMALL}budget: 1000\n"
     )
     recorded(program)
     return tmp_path
@@ -50,14 +50,14 @@ def recorded(program: str) -> None:
     scope: dict[str, Any] = {}
     exec(program, scope)
     matrix = 0.03 * scope["stiffness"] / scope["mass"][:, None] - REACTION * np.eye(len(NODES))
-    step, (x, y) = expm(-0.05 * matrix), NODES.T
+    step, (x, y) = expm(-0.1 * matrix), NODES.T
     state = 1 + 1.05 * np.exp(-8 * (x**2 + y**2)) + 0.05 * np.cos(2 * x)
     [read] = local_weights(NODES, SENSORS, [(0, 0)])
     rng, names = np.random.default_rng(0), [f"s{i}" for i in range(len(SENSORS))]
     rows = [",".join(["time", *names])]
-    for k in range(41):
+    for k in range(31):
         noisy = read @ state + SIGMA * rng.standard_normal(len(SENSORS))
-        rows.append(",".join(f"{value:.7g}" for value in (0.05 * k, *noisy)))
+        rows.append(",".join(f"{value:.7g}" for value in (0.1 * k, *noisy)))
         state = step @ state
     Path("plate_recording.csv").write_text("\n".join(rows) + "\n")
     places = [f"{n},T,{a:.7g},{b:.7g},{SIGMA}" for n, (a, b) in zip(names, SENSORS, strict=True)]
