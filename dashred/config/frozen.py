@@ -63,6 +63,9 @@ def frozen_input(config: Settings) -> dict[str, Any]:
         del system["simulator"]
     else:
         system["simulator"] = _frozen_simulator(system["simulator"])
+    nodes = system.pop("nodes")
+    if nodes is not None:
+        system["nodes"] = hashlib.sha256(Path(nodes).read_bytes()).hexdigest()
     if system["snapshots"] is None:
         del system["snapshots"]
     else:

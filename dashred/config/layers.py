@@ -13,6 +13,7 @@ from typing import Any, get_args, get_origin
 
 from omegaconf import DictConfig, ListConfig, OmegaConf, ValidationError
 
+from dashred.config.nodes import coordinates_of_nodes
 from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where, child, describe_kind, kind_at, optional, required
 from dashred.config.source import Source
@@ -23,6 +24,7 @@ from dashred.physics.system_schema import System
 PATHS = (
     "recording.path",
     "recording.sensors",
+    "system.nodes",
     "system.snapshots",
     "system.simulator.fmu",
     "system.simulator.template",
@@ -175,6 +177,8 @@ def _fill_derived_values(settings: Settings, where: Where) -> None:
     """Fill in defaults that depend on other keys."""
     system = settings.system
     settings.recording.reads = settings.recording.reads or list(system.fields)
+    if system.nodes is not None:
+        system.axes = coordinates_of_nodes(system, where)
     _fill_lengths(system)
     length = system.spread.get("length")
     if isinstance(length, str) and "length" not in system.fields:

@@ -14,11 +14,17 @@ from torch import Tensor, nn
 from dashred.data.interpolation import interpolation_weights
 from dashred.data.sensors import ObservedAxis, Sensor, SystemDescription, check_sensor
 from dashred.physics.backends.input_signals import Array
+from dashred.physics.grids.grid import Grid
+from dashred.physics.grids.mesh import Mesh
 
 
 @runtime_checkable
 class ObservedSystem(SystemDescription, Protocol):
     """The part of a system that the observation operator needs."""
+
+    @property
+    def grid(self) -> Grid | Mesh:
+        """The points of a field."""
 
     @property
     def spectral(self) -> bool:
@@ -31,8 +37,9 @@ class ObservedSystem(SystemDescription, Protocol):
 class ObservationOperator(nn.Module):
     """``y = H(v)``: evaluate each sensor's quantity on the grid and interpolate it to the sensor.
 
-    Interpolation is trigonometric for spectral systems, linear for finite differences and cubic
-    for finite volumes; in several dimensions the weights are products of one-dimensional weights.
+    Interpolation is trigonometric for spectral systems, linear for finite differences, cubic
+    for finite volumes, and by local stencils on scattered nodes. On several axes the weights are
+    products of one-dimensional weights.
     A sensor that averages over a region has the mean of the weights there. The operator is
     differentiable and works in the dtype of the state.
     """
@@ -58,9 +65,9 @@ class ObservationOperator(nn.Module):
         self.register_buffer("_order", torch.tensor(order, dtype=torch.long).argsort())
 
     @property
-    def axes(self) -> int:
-        """Number of axes of the grid that its states are on."""
-        return len(self._system.axes)
+    def rank(self) -> int:
+        """Number of dimensions of a field."""
+        return len(self._system.grid.shape)
 
     def forward(
         self, state: Float[Tensor, "*dims"], t: float | Array = 0.0
@@ -71,7 +78,7 @@ class ObservationOperator(nn.Module):
         states, or the times of the states, ``(*batch)``.
         """
         weights = self._weights.to(state.dtype)
-        batch = state.shape[: state.ndim - 1 - len(self._system.axes)]
+        batch = state.shape[: state.ndim - 1 - self.rank]
         found = [state.new_empty((*batch, 0))]
         for reads, first, last in self._groups:
             quantity = self._quantity(reads, state, t).reshape(*batch, weights.shape[1])
@@ -80,11 +87,13 @@ class ObservationOperator(nn.Module):
 
     def _quantity(self, name: str, state: Tensor, t: float | Array) -> Tensor:
         if name in self._system.fields:
-            return state.select(-1 - len(self._system.axes), self._system.fields.index(name))
+            return state.select(-1 - self.rank, self._system.fields.index(name))
         return self._system.evaluate(name, state, t)
 
 
 def _weights(sensors: Sequence[Sensor], system: ObservedSystem) -> Float[Tensor, "sensor grid"]:
+    if isinstance(system.grid, Mesh):
+        return _mesh_weights(sensors, system.grid)
     weights = torch.ones(len(sensors), 1, dtype=torch.float64)
     for index, axis in enumerate(system.axes):
         places = torch.tensor([s.position[index] for s in sensors], dtype=torch.float64)
@@ -95,6 +104,25 @@ def _weights(sensors: Sequence[Sensor], system: ObservedSystem) -> Float[Tensor,
                 along[row] = shares @ interpolation_weights(axis, inside, system.spectral)
         weights = (weights[:, :, None] * along[:, None, :]).flatten(1)
     return weights
+
+
+def _mesh_weights(sensors: Sequence[Sensor], mesh: Mesh) -> Float[Tensor, "sensor node"]:
+    points = [_region(sensor, mesh) for sensor in sensors]
+    if not points:
+        return torch.zeros((0, *mesh.shape), dtype=torch.float64)
+    weights = mesh.values_at(torch.cat([places for places, _ in points]).numpy())
+    parts = weights.split([len(places) for places, _ in points])
+    return torch.stack([shares @ part for (_, shares), part in zip(points, parts, strict=True)])
+
+
+def _region(sensor: Sensor, mesh: Mesh) -> tuple[Tensor, Tensor]:
+    """Return the points ``(point, axis)`` that a sensor averages, and their weights."""
+    if not sensor.widths:
+        return torch.tensor([sensor.position], dtype=torch.float64), torch.ones(1).double()
+    along = map(_quadrature, mesh.axes, sensor.position, sensor.widths)
+    lines, shares = zip(*along, strict=True)
+    every = [torch.stack(torch.meshgrid(*parts, indexing="ij"), -1) for parts in (lines, shares)]
+    return every[0].flatten(0, -2), every[1].prod(dim=-1).flatten()
 
 
 def _quadrature(axis: ObservedAxis, place: float, width: float) -> tuple[Tensor, Tensor]:

@@ -32,8 +32,10 @@ def place_sensors(
         extra = getattr(config.splits.sensors, role)
         count += extra if isinstance(extra, int) else len(extra)
     lengths = np.array([axis.length for axis in system.axes])
-    candidates = rng.random((20 * count, len(lengths))) * lengths
-    chosen = farthest_points(candidates, count, rng, candidates=range(len(candidates)))
+    begins = np.array([axis.begin for axis in system.axes])
+    candidates = rng.random((20 * count, len(lengths))) * lengths + begins
+    inside = [index for index, place in enumerate(candidates) if system.contains(place)]
+    chosen = farthest_points(candidates, count, rng, candidates=inside)
     order = sorted(tuple(candidates[i].tolist()) for i in chosen)
     return [
         Sensor(_name(i, count), reads[i % len(reads)], place, None) for i, place in enumerate(order)

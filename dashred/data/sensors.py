@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product, zip_longest
 from typing import Protocol, runtime_checkable
 
 from dashred.core.errors import InputError, nearest
@@ -26,6 +27,10 @@ class ObservedAxis(Protocol):
     @property
     def length(self) -> float:
         """Extent of the axis, in its own unit."""
+
+    @property
+    def begin(self) -> float:
+        """The smallest coordinate."""
 
     def wrap(self, place: float, /) -> float:
         """Map a coordinate onto the axis: wrapped if periodic, else mirrored at an end."""
@@ -54,6 +59,9 @@ class SystemDescription(Protocol):
     @property
     def axes(self) -> tuple[ObservedAxis, ...]:
         """Spatial axes; empty for an ODE system."""
+
+    def contains(self, place: Sequence[float], /) -> bool:
+        """Return whether a place, whose coordinates are on the axes, is in the domain."""
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -186,12 +194,27 @@ def _check_position(sensor: Sensor, system: SystemDescription, where: str) -> No
         if math.isnan(coordinate):
             problem = f"sensor {sensor.name!r} has no {axis.name} coordinate"
             raise InputError(problem, where=where, hint="give its coordinate")
-        if not 0 <= coordinate <= axis.length:
+        if not axis.begin <= coordinate <= axis.begin + axis.length:
             problem = f"sensor {sensor.name!r} is at {axis.name} = {coordinate:g}, outside the axis"
-            hint = f"{axis.name} goes from 0 to {axis.length:g}"
+            hint = f"{axis.name} goes from {axis.begin:g} to {axis.begin + axis.length:g}"
             raise InputError(problem, where=where, hint=hint)
     for axis, coordinate, width in zip(system.axes, sensor.position, sensor.widths, strict=False):
         _check_width(sensor, axis, coordinate, width, where)
+    for place in _corners(sensor):
+        if not system.contains(place):
+            at = ", ".join(f"{x:g}" for x in place)
+            problem = f"sensor {sensor.name!r} reads at ({at}), outside the mesh"
+            hint = "its place must be in the convex hull of the nodes"
+            raise InputError(problem, where=where, hint=hint)
+
+
+def _corners(sensor: Sensor) -> list[tuple[float, ...]]:
+    """Return the corners of the region of a sensor; of a point, the point itself."""
+    sides = [
+        (place - width / 2, place + width / 2) if width else (place,)
+        for place, width in zip_longest(sensor.position, sensor.widths, fillvalue=0.0)
+    ]
+    return list(product(*sides))
 
 
 def _check_width(
@@ -203,7 +226,8 @@ def _check_width(
         hint = f"it must be at least 0 and at most the length of the axis, {axis.length:g}"
         raise InputError(problem, where=where, hint=hint)
     is_ring = axis.period == axis.length
-    if not is_ring and not width / 2 <= coordinate <= axis.length - width / 2:
+    low, high = axis.begin, axis.begin + axis.length
+    if not is_ring and not low + width / 2 <= coordinate <= high - width / 2:
         problem = f"sensor {sensor.name!r} averages beyond an end of the axis {axis.name}"
-        hint = f"{axis.name} goes from 0 to {axis.length:g}: reduce {column}, or move the sensor"
+        hint = f"{axis.name} goes from {low:g} to {high:g}: reduce {column}, or move the sensor"
         raise InputError(problem, where=where, hint=hint)

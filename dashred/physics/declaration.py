@@ -9,6 +9,7 @@ from dashred.core.errors import InputError
 from dashred.physics import system_schema as schema
 from dashred.physics.boundaries.conditions import Sides, read_conditions
 from dashred.physics.boundaries.entries import one_sided_axis, with_offsets
+from dashred.physics.boundaries.spatial_order import has_stencils
 from dashred.physics.definitions import Definitions, check_order
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import Expr
@@ -50,7 +51,7 @@ class Declaration:
         self.title, self.fields = config.title, tuple(config.fields)
         self.has_conditions = one_sided_axis(config) is not None
         is_spectral = config.integrator.space == "spectral" and not self.has_conditions
-        self.spectral = bool(config.axes) and is_spectral
+        self.spectral = bool(config.axes) and is_spectral and config.nodes is None
         self.method, self.tableau = self._method()
         self.lets: dict[str, Expr] = {}
         for name, text in config.let.items():
@@ -75,7 +76,7 @@ class Declaration:
     def reflection(self) -> Reflection:
         """Extension of expressions beyond the ends of axes that are not periodic."""
         axes = self.config.axes
-        mirrored = {} if self.has_conditions else axes
+        mirrored = {} if self.has_conditions or self.config.nodes is not None else axes
         ends = [name for name, axis in mirrored.items() if axis.ends != "periodic"]
         odd = frozenset(name for name, axis in mirrored.items() if axis.ends == "fixed")
         return Reflection(dict.fromkeys(self.fields, odd), ends)
@@ -146,9 +147,14 @@ class Declaration:
         """Substitute lets and parameters in an expression; ``key`` is its configuration key.
 
         Raises:
-            InputError: see :meth:`dashred.physics.definitions.Definitions.substitute_into`.
+            InputError: see :meth:`dashred.physics.definitions.Definitions.substitute_into`; or
+                scattered nodes have no stencils for it.
         """
-        return self._definitions.substitute_into(expr, key)
+        found = self._definitions.substitute_into(expr, key)
+        if self.config.nodes is not None and not has_stencils(found):
+            what = "inv_lap and derivatives of more than second order are not available on nodes"
+            raise InputError(what, where=self.where(key), hint="remove the term")
+        return found
 
     def ready(self, expr: Expr, equation: str, key: str) -> Expr:
         """Resolve an expression in an equation, and extend it beyond the ends of the axes.
@@ -180,8 +186,7 @@ class Declaration:
         Raises:
             InputError: the time stepper does not fit the system.
         """
-        space = "finite-volume" if self.has_conditions else self.config.integrator.space
-        allowed = METHODS[space if self.config.axes else "ode"]
+        allowed = METHODS[self._space() if self.config.axes else "ode"]
         method = self.config.integrator.method or next(iter(allowed))
         if method not in allowed:
             raise InputError(
@@ -191,6 +196,12 @@ class Declaration:
             )
         tableau = allowed[method]
         return method, tableau.with_stages_inside() if tableau and self.held_inputs else tableau
+
+    def _space(self) -> str:
+        """Return the kind of the discretisation in space."""
+        if self.config.nodes is not None:
+            return "nodes"
+        return "finite-volume" if self.has_conditions else self.config.integrator.space
 
     def _check_energy(self) -> None:
         text, key = self.config.energy, "system.energy"

@@ -155,7 +155,7 @@ def cell_centres(system: System, mesh: Sequence[int]) -> Tensor:
     if not system.axes:
         return torch.zeros((1, 0), dtype=torch.float64)
     centres = [
-        (torch.arange(count, dtype=torch.float64) + 0.5) * axis.length / count
+        (torch.arange(count, dtype=torch.float64) + 0.5) * axis.length / count + axis.begin
         for axis, count in zip(system.axes, mesh, strict=True)
     ]
     return torch.stack(torch.meshgrid(*centres, indexing="ij"), dim=-1).flatten(0, -2)
@@ -164,5 +164,5 @@ def cell_centres(system: System, mesh: Sequence[int]) -> Tensor:
 def _bump(axis: Axis, x: Tensor, cell: int, cells: int) -> Tensor:
     """Return a periodic bump around the centre of a cell, as wide as the cell."""
     width = axis.length / cells
-    turn = 2 * math.pi * (x - (cell + 0.5) * width) / axis.period
+    turn = 2 * math.pi * (x - axis.begin - (cell + 0.5) * width) / axis.period
     return torch.exp((torch.cos(turn) - 1) * (axis.period / width / math.pi) ** 2)

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from dashred.core.errors import InputError
 from dashred.physics.backends.torch_backend import Program
-from dashred.physics.boundaries.spatial_order import conditions_needed
+from dashred.physics.boundaries.spatial_order import conditions_needed, has_stencils
 from dashred.physics.expressions import algebra
 from dashred.physics.grids.grid_value import Value
 from dashred.physics.system import System, Term
@@ -105,8 +105,12 @@ def default_terms(system: System) -> list[str]:
     if len(system.axes) == 1:
         [axis] = system.axes
         on_radius = [f"lap({f})" for f in fields] if axis.radial else []
-        return terms + on_radius + list(_derivatives_on_a_line(fields, axis.name))
-    return terms + list(_derivatives_in_the_plane(fields, [axis.name for axis in system.axes]))
+        spatial = on_radius + list(_derivatives_on_a_line(fields, axis.name))
+    else:
+        spatial = list(_derivatives_in_the_plane(fields, [axis.name for axis in system.axes]))
+    if system.config.nodes is not None:
+        spatial = [text for text in spatial if has_stencils(system.parse(text, "library"))]
+    return terms + spatial
 
 
 def _monomials(fields: Sequence[str], degree: int) -> Iterator[str]:
@@ -192,7 +196,7 @@ def evaluate_terms(
     """
     program = Program([term.expression for term in resolve(system, library)])
     operators = system.operators
-    moment = t.reshape(-1, *(1 for _ in system.axes)).numpy() if isinstance(t, Tensor) else t
+    moment = t.reshape(-1, *(1 for _ in system.grid.shape)).numpy() if isinstance(t, Tensor) else t
     values: dict[str, Value] = system.values(states, moment)
     shape = (len(states), *system.grid.shape)
     found = (operators.on_grid(value) for value in program(values, operators))

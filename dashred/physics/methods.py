@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from dashred.physics.runge_kutta import EULER, MIDPOINT, SSPRK3, THREE_EIGHTHS, Tableau
+from dashred.physics.runge_kutta import CLASSICAL, EULER, MIDPOINT, SSPRK3, THREE_EIGHTHS, Tableau
 
 METHODS: Mapping[str, Mapping[str, Tableau | None]] = {
     "spectral": {"etdrk4": None},
     "finite-difference": {"ssprk3": SSPRK3},
     "finite-volume": {"etdrk4": None},
+    "nodes": {"rk4": CLASSICAL},
     "ode": {
         "rk4": THREE_EIGHTHS,
         "dopri5": None,

@@ -159,7 +159,7 @@ class PortHamiltonian:
         for field, row in self.dissipation.items():
             for other, entry in row.items():
                 rate = evaluate(self.system, entry, at) * efforts[other]
-                taken = taken + integral(self.system.grid, efforts[field] * rate)
+                taken = taken + integral(self.system.product_grid, efforts[field] * rate)
         return taken
 
     def parts_with_parameter(self, parameter: str) -> list[Part]:

@@ -39,7 +39,7 @@ class SampledStates:
         The random states have single wavelengths, or all of them. A trajectory may contain only
         few wavelengths, so that it cannot test an expression at the others.
         """
-        single = random_waves(system.grid, len(system.fields))
+        single = random_waves(system.product_grid, len(system.fields))
         waves = torch.cat([single.flatten(0, 1), single.sum(dim=0) / len(single) ** 0.5])
         space = system.grid.dims
         size = self.states.square().mean(dim=(0, *space), keepdim=True).sqrt()

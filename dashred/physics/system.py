@@ -23,10 +23,12 @@ from dashred.physics.external import protocol
 from dashred.physics.external.program import open_program
 from dashred.physics.grids.grid import Axis, Grid
 from dashred.physics.grids.grid_value import Value
+from dashred.physics.grids.mesh import Mesh, open_mesh
 from dashred.physics.grids.operators import (
     FiniteDifferences,
     NoSpace,
     Operators,
+    Scattered,
     Spectral,
     Staggered,
 )
@@ -65,12 +67,18 @@ class System(Declaration):
     ) -> None:
         super().__init__(config, where)
         self.input_signals = input_signals
-        self.grid = Grid(tuple(_axis(n, a, where) for n, a in config.axes.items()))
+        self.grid: Grid | Mesh = (
+            Grid(tuple(_axis(n, a, where) for n, a in config.axes.items()))
+            if config.nodes is None
+            else open_mesh(config.nodes)
+        )
         self.dt = _number(_step(config.integrator), where("system.integrator.dt"))
 
     @cached_property
     def operators(self) -> Operators:
         """Spatial operators of the system's grid."""
+        if isinstance(self.grid, Mesh):
+            return Scattered(self.grid)
         if not self.grid.axes:
             return NoSpace()
         if self.has_conditions:
@@ -119,6 +127,16 @@ class System(Declaration):
     def axes(self) -> tuple[Axis, ...]:
         """The spatial axes; none for an ODE system."""
         return self.grid.axes
+
+    @property
+    def product_grid(self) -> Grid:
+        """The grid of a system that is known to have no nodes."""
+        assert isinstance(self.grid, Grid)
+        return self.grid
+
+    def contains(self, place: Sequence[float]) -> bool:
+        """Return whether a place, whose coordinates are on the axes, is in the domain."""
+        return self.grid.contains(place)
 
     def refined(self) -> System:
         """Return the same system at doubled resolution in space and time; a program, in time."""

@@ -163,6 +163,11 @@ class System:
     axes: dict[str, Axis] = field(default_factory=dict)
     """Spatial axes by name, at most two; none for an ODE."""
 
+    nodes: str | None = None
+    """Instead of axes, for a program on an irregular mesh: path of the coordinates of its nodes. It
+    is a table with a line of names, ``x`` or ``x, y``, and a line for each node, or a NetCDF file
+    (``.nc``) with a variable for each coordinate."""
+
     fields: dict[str, str]
     """Fields of the state: name and description of each. A unit may follow the description in
     square brackets: ``theta: angle from hanging [rad]``; inside { } such a text needs quotes."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from torch import Tensor
 
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
-from dashred.physics.grids.grid import Axis
+from dashred.physics.grids.grid import Axis, Grid
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,15 @@ class PlainSystem:
     held_inputs: tuple[str, ...] = ()
     units: dict[str, str] = field(default_factory=dict)
     where: Callable[[str], str] = "conf.yaml, {}".format
+
+    @property
+    def grid(self) -> Grid:
+        """The grid of the axes."""
+        return Grid(self.axes)
+
+    def contains(self, place: Sequence[float], /) -> bool:
+        """Every place is in the domain."""
+        return self.grid.contains(place)
 
     def evaluate(self, name: str, state: Tensor, t: float, /) -> Tensor:
         """Evaluate the derived quantity."""

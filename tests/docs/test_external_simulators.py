@@ -20,19 +20,22 @@ from dashred.physics.system import System
 from tests.conftest import CHECKOUT
 from tests.documents import snippets
 from tests.physics.external.fmu.build import build
+from tests.physics.grids.test_stencils import scattered
 
 PAGE = CHECKOUT / "docs" / "external-simulators.md"
-FUNCTION, NETCDF, TEXT, FMU = snippets(PAGE, "yaml")
+FUNCTION, NETCDF, TEXT, NODES, FMU = snippets(PAGE, "yaml")
 
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    step, jvp, run, solver, _ = snippets(PAGE, "python")
+    step, jvp, run, solver, plate, _ = snippets(PAGE, "python")
     (tmp_path / "mypkg.py").write_text(f"{step}\n{jvp}\n{run}")
     (tmp_path / "solver.py").write_text(solver)
+    (tmp_path / "plate.py").write_text(plate)
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.delitem(sys.modules, "mypkg", raising=False)
+    for module in ("mypkg", "plate"):
+        monkeypatch.delitem(sys.modules, module, raising=False)
     return tmp_path
 
 
@@ -98,6 +101,18 @@ def test_the_solver_with_text_steps(folder: Path) -> None:
     factor = (1 - 0.1 * 0.01 / 20 * 4 * 64 * np.sin(np.pi / 16) ** 2) ** 20
     found = stepped(system, program, 300 + 10 * wave[None, None], 0.01)
     np.testing.assert_allclose(found[0, 0], 300 + 10 * factor * wave, rtol=1e-13)
+
+
+def test_the_plate_steps(folder: Path) -> None:
+    nodes = scattered(150, 2)
+    np.savetxt(folder / "plate.csv", nodes, delimiter=",", header="x,y", comments="")
+    system, program = opened(NODES, "plate.step")
+    assert [axis.name for axis in system.axes] == ["x", "y"]
+    # A cosine with zero slope at the sides decays as exp(-kappa pi² t).
+    wave = np.cos(np.pi * nodes[:, 0])
+    found = stepped(system, program, np.stack([wave, 0 * wave + 2])[:, None], 1.0)[:, 0]
+    np.testing.assert_allclose(found[0], np.exp(-0.03 * np.pi**2) * wave, atol=0.01)
+    np.testing.assert_allclose(found[1], 2.0, rtol=1e-9)
 
 
 def test_the_fmu_steps(folder: Path) -> None:

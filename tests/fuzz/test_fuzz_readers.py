@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,10 @@ class Swing:
     held_inputs: tuple[str, ...] = ()
     units: dict[str, str] = field(default_factory=dict)
     where: Callable[[str], str] = "a.yaml, {}".format
+
+    def contains(self, place: Sequence[float], /) -> bool:
+        """Every place is in the domain."""
+        return True
 
 
 RING = Swing((Axis("x", 2.0, 16),))

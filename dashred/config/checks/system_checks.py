@@ -100,7 +100,8 @@ def _check_names(system: System, where: Where) -> None:
 def _check_axes(system: System, where: Where) -> None:
     if len(system.axes) > 2:
         raise InputError("a system has at most two axes", where=where("system.axes"))
-    for name, axis in system.axes.items():
+    # The coordinates of nodes have no ends.
+    for name, axis in system.axes.items() if system.nodes is None else ():
         _check_ends(name, axis, system, where)
         if axis.ends in ENDS[1:] and system.integrator.space != "spectral":
             raise InputError(

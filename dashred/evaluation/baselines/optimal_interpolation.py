@@ -26,6 +26,7 @@ from dashred.inference.initial_state.covariance_tapers import (
     sensor_distances,
 )
 from dashred.physics.grids.grid import Grid
+from dashred.physics.grids.mesh import Mesh
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.pipeline.problem import Problem
 
@@ -45,7 +46,7 @@ class Taper:
     field: Tensor
 
     @classmethod
-    def of(cls, grid: Grid, sensors: Sequence[Sensor], radius: float) -> Taper:
+    def of(cls, grid: Grid | Mesh, sensors: Sequence[Sensor], radius: float) -> Taper:
         """Return the taper for these sensors."""
         count = len(sensors)
         if math.isinf(radius):

@@ -26,10 +26,10 @@ def compile_integrators(config: schema.System) -> None:
     They run one step of a small system of the same kind.
 
     Args:
-        config: any system; nothing is compiled for snapshots, or for methods that are not
-            compiled.
+        config: any system; nothing is compiled for snapshots, for nodes, or for methods that are
+            not compiled.
     """
-    if config.snapshots is not None:
+    if config.snapshots is not None or config.nodes is not None:
         return
     small = System(_small(config), lambda key: key)
     simulator = CandidateSimulator(small, small.dt, [])

@@ -60,7 +60,7 @@ class ReadParameters:
         for name in names:
             episodes = []
             for episode, (columns, operator) in enumerate(self.slopes[name]):
-                axis = states.dim() - operator.axes - 2
+                axis = states.dim() - operator.rank - 2
                 own = states.select(axis, episode)
                 found = own.new_zeros((*own.shape[:axis], self.sensors))
                 found[..., columns] = operator(own, times[:, episode].numpy())

@@ -130,9 +130,9 @@ class PositionErrors:
             states: ``(time, episode, field, *grid)``.
             deltas: position errors δ, ``(place, axis)``.
         """
-        stated_position = list(zip(self.sensor.position, self.system.axes, strict=True))
+        stated = self.sensor.position
         places = [
-            tuple(axis.wrap(x + d) for (x, axis), d in zip(stated_position, delta, strict=True))
+            self.system.grid.wrap([x + d for x, d in zip(stated, delta, strict=True)])
             for delta in deltas.tolist()
         ]
         sensors = [replace(self.sensor, position=place) for place in places]
@@ -215,6 +215,6 @@ def _by_episode(operator: ObservationOperator, states: Tensor) -> Tensor:
 
     Time and episode are merged into one axis: many small matrix products would be slower.
     """
-    episode = states.dim() - 2 - operator.axes
+    episode = states.dim() - 2 - operator.rank
     found = operator(states.flatten(episode - 1, episode))
     return found.unflatten(episode - 1, states.shape[episode - 1 : episode + 1])

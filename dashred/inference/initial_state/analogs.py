@@ -83,7 +83,7 @@ def nearest_analogs(
     readings = torch.stack([read[member, time + k, shift] for k in range(window)], dim=1)
     rolls = torch.tensor(shifts, dtype=torch.long).reshape(len(shifts), len(system.axes))[shift]
     rolled = [
-        torch.roll(state, shift, system.grid.dims) if shift else state
+        torch.roll(state, shift, system.grid.dims) if any(shift) else state
         for state, shift in zip(states[member, time], rolls.tolist(), strict=True)
     ]
     coefficients = ensemble.coefficients[member]
@@ -142,4 +142,6 @@ def _axis_shifts(axis: Axis, count: int) -> range:
 def _shifted_sensor(sensor: Sensor, system: System, shift: tuple[int, ...]) -> Sensor:
     """Return the sensor that reads from a state what ``sensor`` reads from the shifted state."""
     places = zip(sensor.position, system.axes, shift, strict=True)
-    return replace(sensor, position=tuple((x - n * a.spacing) % a.length for x, a, n in places))
+    # Only states on a ring are shifted.
+    moved = ((x - n * a.spacing) % a.length if a.periodic else x for x, a, n in places)
+    return replace(sensor, position=tuple(moved))

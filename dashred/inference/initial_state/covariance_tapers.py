@@ -7,6 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.physics.grids.grid import Grid
+from dashred.physics.grids.mesh import Mesh
 
 
 def gaspari_cohn(distance: Tensor, radius: float) -> Tensor:
@@ -21,7 +22,9 @@ def gaspari_cohn(distance: Tensor, radius: float) -> Tensor:
     return torch.where(r < 1, near, torch.where(r < 2, far, torch.zeros_like(r)))
 
 
-def distances(grid: Grid, positions: Float[Tensor, "sensor axis"]) -> Float[Tensor, "sensor ..."]:
+def distances(
+    grid: Grid | Mesh, positions: Float[Tensor, "sensor axis"]
+) -> Float[Tensor, "sensor ..."]:
     """Return the distance of every grid point from every sensor, around the periodic axes."""
     squared = torch.zeros(len(positions), *(1 for _ in grid.shape), dtype=torch.float64)
     for index, (axis, points) in enumerate(zip(grid.axes, grid.coordinates.values(), strict=True)):
@@ -31,7 +34,7 @@ def distances(grid: Grid, positions: Float[Tensor, "sensor axis"]) -> Float[Tens
 
 
 def sensor_distances(
-    grid: Grid, positions: Float[Tensor, "sensor axis"]
+    grid: Grid | Mesh, positions: Float[Tensor, "sensor axis"]
 ) -> Float[Tensor, "sensor sensor"]:
     """Return the distances between the sensors, around the periodic axes."""
     squared = torch.zeros(len(positions), len(positions), dtype=torch.float64)

@@ -142,7 +142,7 @@ def law_tendency(system: System, law: Law, states: Tensor, times: Tensor) -> Ten
     ratios = torch.zeros_like(states, dtype=torch.float64)
     for candidate, value in zip(law.candidates, law.coefficients.tolist(), strict=True):
         ratios += value * candidate_rates(system, candidate, states, times)
-    return ratios / rms.reshape(-1, *(1,) * len(system.axes))
+    return ratios / rms.reshape(-1, *(1,) * len(system.grid.shape))
 
 
 def _reads(system: System, law: Law) -> set[str]:

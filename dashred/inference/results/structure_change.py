@@ -163,7 +163,7 @@ def _power(
     """Return ``∫ e θ`` and ``∫ |e θ|``, ``(state,)``; a value that is not finite counts as 0."""
     given = efforts[term.equation] * evaluate(form.system, term.expression, at)
     given = torch.nan_to_num(given, nan=0.0, posinf=0.0, neginf=0.0)
-    grid = form.system.grid
+    grid = form.system.product_grid
     own = grid.own(given).abs().reshape(len(given), -1).sum(dim=1)
     return integral(grid, given), own * math.prod(axis.spacing for axis in grid.axes)
 
@@ -226,14 +226,16 @@ def _is_energy_term(form: PortHamiltonian, term: Term, at: SampledStates) -> boo
     }:
         return False
     index = system.fields.index(source)
-    a, b = random_waves(system.grid, 1).sum(dim=0)[:2, 0]
+    a, b = random_waves(system.product_grid, 1).sum(dim=0)[:2, 0]
     with torch.enable_grad():
         states = at.states.clone().requires_grad_()
         theta = evaluate(system, term.expression, SampledStates(states, at.times))
         if not theta.requires_grad:
             return True
         along_b, along_a = (
-            torch.autograd.grad(integral(system.grid, theta * c).sum(), states, retain_graph=True)
+            torch.autograd.grad(
+                integral(system.product_grid, theta * c).sum(), states, retain_graph=True
+            )
             for c in (b, a)
         )
     left, right = (

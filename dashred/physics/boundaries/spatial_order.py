@@ -19,6 +19,10 @@ from dashred.physics.expressions.algebra import (
     summands,
 )
 from dashred.physics.expressions.algebra import Number as Constant
+from dashred.physics.expressions.nodes import has_call
+
+# Highest order of a derivative on scattered nodes, in all.
+STENCIL_ORDER = 2
 
 
 def conditions_needed(expr: Expr, field: str, axes: Sequence[str]) -> int:
@@ -34,6 +38,16 @@ def conditions_needed(expr: Expr, field: str, axes: Sequence[str]) -> int:
         case Call("lap", _):
             return inner + 2
     return inner
+
+
+def has_stencils(expr: Expr) -> bool:
+    """Return whether scattered nodes have stencils for all derivatives of an expression.
+
+    They have none for the inverse Laplacian. Those of a derivative of a second derivative have an
+    error that does not become smaller with more nodes.
+    """
+    orders = (conditions_needed(expr, name, ()) for name in names(expr))
+    return max(orders, default=0) <= STENCIL_ORDER and not has_call(expr, "inv_lap")
 
 
 def flux_coefficients(equation: Expr, field: str, axis: str, radial: bool) -> list[Expr]:

@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
-import numpy as np
-
 from dashred.physics.external.adapter import Adapter
 from dashred.physics.external.command.command import open_command
 from dashred.physics.external.command.layout import Layout
@@ -21,12 +19,13 @@ from dashred.physics.external.stepped_fields import stepped_fields
 from dashred.physics.external.tangents.checked_tangents import CheckedTangents
 from dashred.physics.external.trust import check_trusted, names_of
 from dashred.physics.grids.grid import Grid
+from dashred.physics.grids.mesh import Mesh
 from dashred.physics.system_schema import ExternalSimulator, System
 
 _opened: dict[tuple[object, ...], Program] = {}
 
 
-def open_program(config: System, where: Callable[[str], str], grid: Grid) -> Program:
+def open_program(config: System, where: Callable[[str], str], grid: Grid | Mesh) -> Program:
     """Return the program of a system; a process opens each program once.
 
     Args:
@@ -55,7 +54,7 @@ def open_program(config: System, where: Callable[[str], str], grid: Grid) -> Pro
 
 
 def _offered_tangents(
-    adapter: Adapter, program: Program, grid: Grid, simulator: ExternalSimulator
+    adapter: Adapter, program: Program, grid: Grid | Mesh, simulator: ExternalSimulator
 ) -> Stepper | None:
     if isinstance(adapter, FmuAdapter) and adapter.offers_derivatives:
         return SteppedProgram(FmuTangents(adapter), grid, simulator.keep)
@@ -68,16 +67,15 @@ def _offered_tangents(
     return CheckedTangents(tangent, program, offered.name, adapter.place)
 
 
-def _adapter(config: System, fields: tuple[str, ...], key: str, grid: Grid, place: str) -> Adapter:
+def _adapter(
+    config: System, fields: tuple[str, ...], key: str, grid: Grid | Mesh, place: str
+) -> Adapter:
     simulator = config.simulator
     assert simulator is not None
     limit = simulator.time_limit
     if simulator.command is not None:
-        axes = {
-            axis.name: axis.spacing * np.arange(axis.own_points, dtype=np.float64)
-            for axis in grid.axes
-        }
-        layout = Layout(fields, axes, config.units)
+        coordinates = {name: (along, x.numpy()) for name, (along, x) in grid.labels.items()}
+        layout = Layout(fields, grid.dimensions, coordinates, config.units)
         return open_command(simulator.command, simulator.template, limit, layout, place)
     if simulator.fmu is not None:
         return FmuAdapter(describe_fmu(config, place), fields, place)

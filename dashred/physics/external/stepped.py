@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import torch
@@ -22,6 +21,7 @@ from dashred.physics.external.protocol import Stepper
 from dashred.physics.external.rounding import equal
 from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
 from dashred.physics.grids.grid import Grid
+from dashred.physics.grids.mesh import Mesh
 
 # Rounding error that is assumed until the first step: that of single precision.
 SINGLE = 6e-8
@@ -36,7 +36,7 @@ class SteppedProgram:
         tangent: see :class:`dashred.physics.external.protocol.Program`.
     """
 
-    def __init__(self, adapter: Adapter, grid: Grid, keep: bool = True) -> None:
+    def __init__(self, adapter: Adapter, grid: Grid | Mesh, keep: bool = True) -> None:
         """Set the program.
 
         Args:
@@ -103,8 +103,8 @@ class SteppedProgram:
         parameters: Mapping[str, float],
     ) -> Array:
         """See :meth:`dashred.physics.external.protocol.Program.step`."""
-        own: tuple[Any, ...] = (..., *(axis.own for axis in self._grid.axes))
-        found = states[own].copy()
+        # A copy before, because torch takes no array that cannot be written to.
+        found = self._grid.own(torch.from_numpy(states.copy())).numpy().copy()
         # A program may fail for a step of no length, such as those that fill up a short segment.
         moving = np.flatnonzero(dt)
         if moving.size:
@@ -153,7 +153,7 @@ class SteppedProgram:
 
     @cached_property
     def _results(self) -> KeptResults:
-        words = json.dumps([self.sha256, *self._adapter.fields])
+        words = json.dumps([self.sha256, *self._adapter.fields, *self._grid.files])
         return KeptResults(words)
 
     def _step_all(self, batch: StateBatch) -> Array:

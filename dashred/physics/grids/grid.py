@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol
 
 import torch
 from torch import Tensor
@@ -23,12 +25,15 @@ class Axis:
     centres of its cells are at odd points and their faces at even points
     (:mod:`dashred.physics.grids.staggered`).
 
+    An open axis is a coordinate of scattered nodes (:mod:`dashred.physics.grids.mesh`).
+
     Attributes:
         name: of the coordinate.
         length: from end to end, or once around the ring.
         points: number of grid steps in the length; of cells, if staggered.
-        ends: ``periodic``, ``insulated``, ``fixed`` or ``staggered``.
+        ends: ``periodic``, ``insulated``, ``fixed``, ``staggered`` or ``open``.
         radial: whether the coordinate is the distance from the axis of a cylinder.
+        begin: the smallest coordinate; other than 0 for an open axis only.
     """
 
     name: str
@@ -36,6 +41,7 @@ class Axis:
     points: int
     ends: str = "periodic"
     radial: bool = False
+    begin: float = 0.0
 
     @property
     def spacing(self) -> float:
@@ -55,7 +61,7 @@ class Axis:
     @property
     def mirrored(self) -> bool:
         """Whether the ring contains a mirror image."""
-        return not self.periodic and not self.staggered
+        return self.ends in ("insulated", "fixed")
 
     @property
     def ring_points(self) -> int:
@@ -83,6 +89,8 @@ class Axis:
         """Map a coordinate onto the axis: wrapped if periodic, else mirrored at an end."""
         if self.periodic:
             return place % self.length
+        if self.ends == "open":
+            return min(max(place, self.begin), self.begin + self.length)
         return self.length - abs(place % self.period - self.length)
 
     def interval(self, begin: float, end: float) -> tuple[float, float]:
@@ -96,9 +104,19 @@ class Axis:
             return 0.0, self.length
         if self.periodic:
             return begin % self.length, self.length - (-end) % self.length
+        if self.ends == "open":
+            return self.wrap(begin), self.wrap(end)
         turns = self.period * math.floor(((begin + end) / 2 + self.length) / self.period)
         ends = (begin - turns, end - turns)
         return min(max(ends[0], 0.0), self.length), min(max(ends[1], 0.0), self.length)
+
+
+class HasAxes(Protocol):
+    """A grid, of whatever kind."""
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """The axes."""
 
 
 @dataclass(frozen=True)
@@ -122,6 +140,21 @@ class Grid:
         """Coordinates along each axis, ``(point,)``, float64, without mirror images."""
         flat = zip(self.axes, self.coordinates.items(), strict=True)
         return {name: x.flatten()[axis.own] for axis, (name, x) in flat}
+
+    @property
+    def dimensions(self) -> tuple[str, ...]:
+        """Names of the dimensions of a field without mirror images."""
+        return tuple(axis.name for axis in self.axes)
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Hashes of the files that it comes from: none."""
+        return ()
+
+    @property
+    def labels(self) -> dict[str, tuple[str, Tensor]]:
+        """Dimension and values of each coordinate in a dataset, ``(point,)``."""
+        return {name: (name, x) for name, x in self.own_coordinates.items()}
 
     def index(self, axis: str) -> int:
         """Return the index of an axis by name."""
@@ -160,6 +193,27 @@ class Grid:
         """Coordinates and sides by name, as used in expressions."""
         return self.coordinates | self.sides
 
+    def contains(self, place: Sequence[float]) -> bool:
+        """Return whether a place, whose coordinates are on the axes, is in the domain: it is."""
+        return True
+
+    def wrap(self, place: Sequence[float]) -> tuple[float, ...]:
+        """Map a place into the domain, axis by axis."""
+        return tuple(axis.wrap(x) for axis, x in zip(self.axes, place, strict=True))
+
+    def volume(self, field: Tensor) -> float:
+        """Return ``Σ f V`` over the points of one field, ``(*grid)``, with the volume V of each.
+
+        Mirror images are not part of the domain.
+        """
+        spacing = math.prod(axis.spacing for axis in self.axes)
+        images = 2 ** sum(axis.mirrored for axis in self.axes)
+        return float(field.sum()) * spacing / images
+
+    def picture(self, states: Tensor) -> tuple[dict[str, Tensor], Tensor]:
+        """Return the coordinates along each axis, and states ``(…, *points)`` to draw there."""
+        return self.own_coordinates, self.own(states)
+
     def own(self, states: Tensor) -> Tensor:
         """Return states ``(…, *grid)`` without their mirror images."""
         for dim, axis in zip(self.dims, self.axes, strict=True):
@@ -186,7 +240,7 @@ class Grid:
             found.append(k.reshape(self._broadcast(index)))
         return tuple(found)
 
-    def interpolate(self, states: Tensor, finer: Grid) -> Tensor:
+    def interpolate(self, states: Tensor, finer: HasAxes) -> Tensor:
         """Return the interpolation of ``(…, *grid)`` to ``(…, *finer.grid)``.
 
         It is band-limited on rings, and cubic on a staggered axis.

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from dashred.physics.grids.grid import Grid
+from dashred.physics.grids.mesh import Mesh
 
 
 class Part:
@@ -80,7 +81,7 @@ def on_points(value: Value) -> Tensor | float:
     return combine([(c, part.points) for c, part in value.parts if part.points is not None])
 
 
-def on_whole_grid(points: Tensor | float, grid: Grid) -> Tensor:
+def on_whole_grid(points: Tensor | float, grid: Grid | Mesh) -> Tensor:
     """Expand a number, a coordinate or a field to ``(…, *grid)``."""
     field = torch.as_tensor(points, dtype=torch.float64)
     rank = len(grid.shape)

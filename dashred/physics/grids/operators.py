@@ -1,7 +1,8 @@
 """Interface of spatial operators.
 
-:class:`Spectral`, :class:`FiniteDifferences` and :class:`Staggered` have the same operations on a
-:class:`Value`, so that an equation works with each; :class:`NoSpace` is for ODE systems.
+:class:`Spectral`, :class:`FiniteDifferences`, :class:`Staggered` and :class:`Scattered` have the
+same operations on a :class:`Value`, so that an equation works with each; :class:`NoSpace` is for
+ODE systems.
 """
 
 from __future__ import annotations
@@ -13,16 +14,29 @@ from torch import Tensor
 from dashred.physics.grids.finite_differences import FiniteDifferences
 from dashred.physics.grids.grid import Grid
 from dashred.physics.grids.grid_value import Value, on_points, total
+from dashred.physics.grids.mesh import Mesh
+from dashred.physics.grids.scattered import Scattered
 from dashred.physics.grids.spectral import Spectral
 from dashred.physics.grids.staggered import Staggered
 
-__all__ = ["FiniteDifferences", "NoSpace", "Operators", "Spectral", "Staggered", "Value", "total"]
+__all__ = [
+    "FiniteDifferences",
+    "NoSpace",
+    "Operators",
+    "Scattered",
+    "Spectral",
+    "Staggered",
+    "Value",
+    "total",
+]
 
 
 class Operators(Protocol):
     """Spatial operators in an equation."""
 
-    grid: Grid
+    @property
+    def grid(self) -> Grid | Mesh:
+        """The points of the fields."""
 
     def on_grid(self, value: Value) -> Tensor | float:
         """Return the field on the grid."""

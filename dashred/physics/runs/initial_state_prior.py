@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import product
 
 import numpy as np
 import torch
@@ -14,12 +13,13 @@ from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions.algebra import Expr, names
 from dashred.physics.expressions.parser import number
 from dashred.physics.expressions.reflection import side
-from dashred.physics.grids.grid import Axis, Grid
+from dashred.physics.grids.grid import Grid
 from dashred.physics.grids.grid_value import Value
+from dashred.physics.grids.mesh import Mesh
+from dashred.physics.runs.smooth_modes import smooth_modes
 from dashred.physics.solvers.simulate import Progress, check_finite, simulate
 from dashred.physics.system import System
 
-MIN_VARIANCE = 1e-12
 # Largest share of the variance of a spread that an analysis omits: every mode is a column of each
 # Jacobian. It is 1 % of the spread.
 OMITTED = 1e-4
@@ -71,22 +71,22 @@ def spread_in_percent(system: System) -> bool:
     return any(str(value).strip().endswith("%") for value in system.config.spread.values())
 
 
-def gaussian_process_modes(grid: Grid, length: float, count: int | None) -> Tensor:
-    """Return Karhunen–Loève modes ``(mode, *grid)`` of a Gaussian process on rings.
+def gaussian_process_modes(grid: Grid | Mesh, length: float, count: int | None) -> Tensor:
+    """Return Karhunen–Loève modes ``(mode, *grid)`` of a Gaussian process on rings or nodes.
 
     ``g = Σ zᵢ Bᵢ`` with z ~ N(0, 1) has unit variance and the covariance exp(-r²/2ℓ²), made
     periodic and normalised, for ℓ much shorter than the axes. With fewer modes both are slightly
-    smaller. The variance doubles at an insulated end and vanishes at a fixed end.
+    smaller. On rings the variance doubles at an insulated end and vanishes at a fixed end.
 
     Args:
         grid: with the points of g.
         length: correlation length ℓ, in the axes' unit.
         count: number of modes to keep, the strongest first; None for all.
     """
-    strongest = _powers(grid, length)
+    strongest = smooth_modes(grid, length)
     whole = sum(power for power, _ in strongest)
     kept = strongest[:count]
-    return torch.stack([_wave(grid, k) * math.sqrt(power / whole) for power, k in kept])
+    return torch.stack([mode() * math.sqrt(power / whole) for power, mode in kept])
 
 
 def fitted_modes(system: System, omitted: float = OMITTED) -> int:
@@ -99,7 +99,7 @@ def fitted_modes(system: System, omitted: float = OMITTED) -> int:
     stated = system.config.spread.get("modes")
     if stated is not None:
         return int(stated)
-    powers = np.array([power for power, _ in _powers(system.grid, spread_length(system))])
+    powers = np.array([power for power, _ in smooth_modes(system.grid, spread_length(system))])
     last = np.count_nonzero(powers.cumsum() < (1 - omitted) * powers.sum())
     # Waves that differ in direction and phase alone have the same power: all of them or none.
     return int(np.count_nonzero(powers > 0.999 * powers[last]))
@@ -109,47 +109,6 @@ def spread_length(system: System) -> float:
     """Return the correlation length of a random start: stated, or a tenth of the longest axis."""
     longest = max((axis.length for axis in system.axes), default=1)
     return float(system.config.spread.get("length", 0.1 * longest))
-
-
-def _powers(grid: Grid, length: float) -> list[tuple[float, list[float]]]:
-    """Return the variance and the wave vector of every mode, the strongest first."""
-    found = []
-    for numbers in product(*map(_wavenumbers, grid.axes)):
-        k = [2 * math.pi * m / a.period for m, a in zip(numbers, grid.axes, strict=True)]
-        power = math.exp(-sum(component**2 for component in k) * length**2 / 2)
-        if power > MIN_VARIANCE:
-            found.append((power, k))
-    return sorted(found, key=lambda pair: -pair[0])
-
-
-def _wavenumbers(axis: Axis) -> range:
-    """Return the wavenumbers on a ring; with mirror symmetry, only one of each pair."""
-    if axis.periodic:
-        return range(-(axis.points // 2) + 1, axis.points // 2)
-    return range(1 if axis.ends == "fixed" else 0, axis.points)
-
-
-def _wave(grid: Grid, k: list[float]) -> Tensor:
-    """Return a wave of mean square 1, ``(*grid)``, with mirror symmetry along axes with ends.
-
-    Along periodic axes it is ``√2 cos k·x`` for one of each pair ±k and ``√2 sin k·x`` for the
-    other. Along other axes it is ``√2 cos kx`` or, between fixed ends, ``√2 sin kx``. It is 1 for
-    k = 0.
-    """
-    wave = torch.ones((), dtype=torch.float64)
-    phase = torch.zeros((), dtype=torch.float64)
-    leading = 0.0
-    for axis, component in zip(grid.axes, k, strict=True):
-        x = grid.coordinates[axis.name]
-        if axis.periodic:
-            leading, phase = leading or component, phase + component * x
-        elif axis.ends == "fixed":
-            wave = wave * math.sqrt(2) * torch.sin(component * x) * grid.sides[side(axis.name)]
-        elif component:
-            wave = wave * math.sqrt(2) * torch.cos(component * x)
-    if leading:
-        wave = wave * math.sqrt(2) * (torch.cos(phase) if leading > 0 else torch.sin(phase))
-    return wave.expand(grid.shape)
 
 
 class StartPrior:

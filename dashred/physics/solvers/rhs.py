@@ -133,7 +133,7 @@ def dealias_mask(system: System) -> Tensor:
     It is 1 for modes below two thirds of the highest wavenumber on every axis, and 0 for others.
     """
     mask = torch.ones((), dtype=torch.float64)
-    for k in system.grid.wavenumbers:
+    for k in system.product_grid.wavenumbers:
         limit = k.abs().max() * 2 / 3
         mask = mask * (k.abs() < limit)
     return mask

@@ -28,6 +28,7 @@ from dashred.physics.solvers.etdrk4 import CACHE_SIZE
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.rhs import GridTendency, SpectralTendency
 from dashred.physics.solvers.schedule import Step
+from dashred.physics.substeps import Substeps
 from dashred.physics.system import System
 
 Flow = Callable[[Tensor, float, float], Tensor]
@@ -108,6 +109,8 @@ def _explicit_step(
     system: System, forcing: Forcing | None, sampled_forcing: SampledForcing | None
 ) -> Flow:
     tableau = system.tableau or CLASSICAL
+    if system.config.nodes is not None:
+        return Substeps(tableau, GridTendency(system, forcing, sampled_forcing))
     if system.axes:
         return partial(advance, tableau, GridTendency(system, forcing, sampled_forcing))
     if forcing is None:

@@ -97,8 +97,9 @@ class Simulator:
 
     def _state(self, start: xr.Dataset | Mapping[str, ArrayLike]) -> Tensor:
         """Return a start as ``(field, *grid)``."""
-        fields, own = self.system.fields, self.system.grid.own_coordinates
-        shape = tuple(map(len, own.values()))
+        fields, grid = self.system.fields, self.system.grid
+        sizes = {along: len(values) for along, values in grid.labels.values()}
+        shape = tuple(sizes[along] for along in grid.dimensions)
         if not isinstance(start, Mapping):
             what = f"a start cannot be of the type {type(start).__name__}"
             raise InputError(what, where=START, hint="give a mapping from fields to values")
@@ -110,16 +111,15 @@ class Simulator:
         for field in fields:
             if field not in start:
                 raise InputError(f"the field {field!r} is missing", where=START)
-            values = _numbers(start[field], tuple(own), f"{START}, {field!r}")
+            values = _numbers(start[field], grid.dimensions, f"{START}, {field!r}")
             if values.shape not in ((), shape):
                 what = f"the values have the shape {values.shape}, but the grid has {shape}"
                 raise InputError(what, where=f"{START}, {field!r}")
             columns.append(torch.from_numpy(np.broadcast_to(values, shape).copy()))
-        return self.system.grid.ring(torch.stack(columns))
+        return grid.ring(torch.stack(columns))
 
     def _dataset(self, times: Tensor, states: Tensor) -> xr.Dataset:
         system = self.system
-        axes = system.grid.own_coordinates
         values = system.grid.own(states).numpy()
 
         def unit(name: str) -> dict[str, str]:
@@ -127,12 +127,19 @@ class Simulator:
 
         return xr.Dataset(
             {
-                field: (("time", *axes), np.ascontiguousarray(values[:, i]), unit(field))
+                field: (
+                    ("time", *system.grid.dimensions),
+                    np.ascontiguousarray(values[:, i]),
+                    unit(field),
+                )
                 for i, field in enumerate(system.fields)
             },
             {
                 "time": ("time", times.numpy(), unit(TIME)),
-                **{name: (name, x.numpy(), unit(name)) for name, x in axes.items()},
+                **{
+                    name: (along, x.numpy(), unit(name))
+                    for name, (along, x) in system.grid.labels.items()
+                },
             },
             {"title": system.config.title or ""},
         )

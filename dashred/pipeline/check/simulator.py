@@ -25,6 +25,7 @@ from dashred.physics.runs.resolution import (
 from dashred.physics.solvers.simulate import check_finite, simulate
 from dashred.physics.system import System, Term
 from dashred.pipeline.check.context import CheckContext
+from dashred.pipeline.check.nodes import node_remarks
 from dashred.pipeline.check.placeholders import zero_equations
 from dashred.pipeline.check.remark import Remark, shortened, warning
 from dashred.pipeline.simulation.resolution_check import SensorTraces
@@ -119,6 +120,7 @@ def simulator_remarks(context: CheckContext, nominal: NominalRun) -> Iterator[Re
     within = "" if count == total else f" (the first {count} of {total} samples{why})"
     yield Remark(f"The simulation runs to t = {float(nominal.times[-1]):.6g}{within}")
     yield from _program_remarks(context)
+    yield from node_remarks(context.system)
     if nominal.blows_up:
         program = context.system.program
         failure = None if program is None else program.failure

@@ -52,6 +52,11 @@ class GuessedAxis:
     length: float
     points: int
 
+    @property
+    def begin(self) -> float:
+        """The beginning of the axis."""
+        return 0.0
+
     def wrap(self, place: float, /) -> float:
         """Return the position unchanged, because all sensors are on the guessed axis."""
         return place
@@ -97,6 +102,10 @@ class GuessedSystem:
     empty: tuple[str, ...] = ()
     units: dict[str, str] = field(default_factory=dict)
     texts: tuple[str, ...] = ()
+
+    def contains(self, place: Sequence[float], /) -> bool:
+        """True: the axes are the whole domain."""
+        return True
 
     @property
     def where(self) -> Callable[[str], str]:

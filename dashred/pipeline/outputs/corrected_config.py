@@ -65,9 +65,9 @@ def write_corrected(
     It contains the keys of the user's file and command line, with the equations, lets and
     parameters of :func:`dashred.inference.results.corrected_system.build_corrected_system`.
     Uncertain parameters have their fitted values, without a spread. The defaults stay in
-    ``conf/base.yaml``. It contains no path but that of a program, which is absolute, so it runs in
-    any folder. The remark is part of its header. A hidden state of the law is one more field, and
-    begins at its fitted start.
+    ``conf/base.yaml``. It contains no paths but those of a program and its nodes, which are
+    absolute, so it runs in any folder. The remark is part of its header. A hidden state of the
+    law is one more field, and begins at its fitted start.
     """
     values = _user_values(config)
     found = hidden_state(system, law, hidden)
@@ -82,6 +82,8 @@ def write_corrected(
     if simulator is not None:
         # What is not stated is added to no field of a program.
         equations = {name: text for name, text in equations.items() if text != "0"}
+        if config.system.nodes is not None:
+            values["system"]["nodes"] = config.system.nodes
         for key in PROGRAM_PATHS & values["system"]["simulator"].keys():
             values["system"]["simulator"][key] = getattr(simulator, key)
     values["system"]["equations"] = _Block(equations)

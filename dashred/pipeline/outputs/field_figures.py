@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import torch
 from matplotlib.figure import Figure
 from torch import Tensor
 
@@ -32,14 +33,16 @@ def draw_fields(problem: Problem, by_method: Mapping[str, Tensor]) -> Figure:
     count = len(fit.times)
     fields = {
         field: {
-            name: system.grid.own(states[:count, i]).numpy() for name, states in by_method.items()
+            name: system.grid.picture(states[:count, i])[1].numpy()
+            for name, states in by_method.items()
         }
         for i, field in enumerate(system.fields)
     }
     places = {
         field: [s.position for s in fit.sensors if s.reads == field] for field in system.fields
     }
-    coordinates = {name: x.numpy() for name, x in system.grid.own_coordinates.items()}
+    lines, _ = system.grid.picture(torch.zeros(system.grid.shape, dtype=torch.float64))
+    coordinates = {name: x.numpy() for name, x in lines.items()}
     times, units = problem.times[:count].numpy(), system.units
     if len(system.axes) > 1:
         return snapshot_panels(times, coordinates, fields, places, units)
@@ -63,11 +66,12 @@ def draw_where(problem: Problem, analysis: Analysis, where: Where) -> Figure:
     [axis], count = system.axes, len(fit.times)
     states = analysis.trajectories.states["corrected"][:count]
     tendency = law_tendency(system, analysis.discovery.best, states, problem.times[:count])
+    coordinates, strength = system.grid.picture(tendency.square().sum(dim=1).sqrt())
     law_map = LawMap(
         axis.name,
-        system.grid.own_coordinates[axis.name].numpy(),
+        coordinates[axis.name].numpy(),
         problem.times[:count].numpy(),
-        system.grid.own(tendency.square().sum(dim=1).sqrt()).numpy(),
+        strength.numpy(),
         {sensor.name: sensor.position[0] for sensor in fit.sensors},
     )
     return where_figure(where, law_map, system.units)
@@ -78,4 +82,5 @@ def draw_forcing(problem: Problem, forcing: Forcing, source: LocalisedSource | N
     [axis], units = problem.system.axes, problem.system.units
     places = [sensor.position[0] for sensor in problem.split.fit.sensors]
     label = label_with_unit(axis.name, units.get(axis.name))
-    return forcing_figure(forcing, label, axis.length, places, time_label(units), source)
+    span = axis.begin, axis.begin + axis.length
+    return forcing_figure(forcing, label, span, places, time_label(units), source)

@@ -38,16 +38,15 @@ def fields_dataset(
         fields: fields by method, ``(time, field, *grid)``.
         episodes: name of the episode of each time; empty for a single episode.
     """
-    axes = [axis.name for axis in system.axes]
     stacked = system.grid.own(torch.stack(list(fields.values()))).numpy()
     data = {
-        name: (("method", "time", *axes), stacked[:, :, i].astype(np.float64))
+        name: (("method", "time", *system.grid.dimensions), stacked[:, :, i].astype(np.float64))
         for i, name in enumerate(system.fields)
     }
     coordinates: dict[str, Any] = {"method": list(fields), "time": times.numpy()}
     if len(episodes):
         coordinates["episode"] = ("time", list(episodes))
-    coordinates |= {name: x.numpy() for name, x in system.grid.own_coordinates.items()}
+    coordinates |= {name: (along, x.numpy()) for name, (along, x) in system.grid.labels.items()}
     return xr.Dataset(data, coordinates)
 
 

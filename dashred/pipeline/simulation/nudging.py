@@ -167,7 +167,7 @@ def _bounds(problem: Problem) -> tuple[Tensor, Tensor]:
         if values.size:
             margin = MARGIN * float(np.nanmax(values) - np.nanmin(values))
             low[index], high[index] = np.nanmin(values) - margin, np.nanmax(values) + margin
-    shape = (-1,) + (1,) * len(system.axes)
+    shape = (-1,) + (1,) * len(system.grid.shape)
     return low.double().reshape(shape), high.double().reshape(shape)
 
 

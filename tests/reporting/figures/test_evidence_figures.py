@@ -194,7 +194,7 @@ def test_the_map_of_a_forcing_shows_the_equations_of_which_it_is_sure() -> None:
         "amplitude": {"u": size.tolist(), "v": (0.1 * size).tolist()},
         "std": {"u": np.full((4, 3), 0.1).tolist(), "v": np.full((4, 3), 0.1).tolist()},
     }
-    figure = forcing_figure(forcing, "x", 8.0, [1.0, 5.0])
+    figure = forcing_figure(forcing, "x", (0.0, 8.0), [1.0, 5.0])
     panels = [axes for axes in figure.axes if axes.images]
     assert [axes.get_title(loc="left") for axes in panels] == ["equation of u"]
     [image] = panels[0].images
@@ -203,7 +203,7 @@ def test_the_map_of_a_forcing_shows_the_equations_of_which_it_is_sure() -> None:
     assert np.size(dots.get_xdata()) == 9
     source = {"equation": "u", "place": [3.0], "region": [{"axis": "x", "from": 2.0, "to": 4.0}],
               "times": [0.0, 2.0], "rates": [0.1, 0.4]}  # fmt: skip
-    marked = forcing_figure(forcing, "x", 8.0, [1.0, 5.0], source=source)
+    marked = forcing_figure(forcing, "x", (0.0, 8.0), [1.0, 5.0], source=source)
     course = marked.axes[1]
     assert course.lines[0].get_ydata() == pytest.approx([0.1, 0.4])
     edges = [

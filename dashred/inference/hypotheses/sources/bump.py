@@ -77,17 +77,12 @@ class Bump:
         return replace(self, centre=centre, width=self.width * math.exp(move[-1]))
 
     def within(self, system: System) -> Bump:
-        """Return the bump with its centre on the axes."""
-        wrapped = (axis.wrap(c) for axis, c in zip(system.axes, self.centre, strict=True))
-        return replace(self, centre=tuple(wrapped))
+        """Return the bump with its centre in the domain."""
+        return replace(self, centre=system.grid.wrap(self.centre))
 
     def integral(self, system: System) -> float:
         """Return ``∫ b dx`` over the domain."""
-        spacing = math.prod(axis.spacing for axis in system.axes)
-        total = float(self.on_grid(system).abs().sum())
-        # A mirror image is not part of the domain.
-        images = 2 ** sum(axis.mirrored for axis in system.axes)
-        return total * spacing / images
+        return system.grid.volume(self.on_grid(system).abs())
 
     def region(self, axis: Axis, index: int) -> tuple[float, float]:
         """Return from where to where the bump acts along an axis; it may wrap around a ring."""

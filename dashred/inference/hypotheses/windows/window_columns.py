@@ -79,7 +79,8 @@ def build_pieces(
 def _build_cells(axis: Axis) -> list[Window]:
     width = axis.length / CELLS
     shape = box(axis)
-    return [shape.at(((j + 0.5) * width, width / 2, math.log(width / 4))) for j in range(CELLS)]
+    centres = [axis.begin + (j + 0.5) * width for j in range(CELLS)]
+    return [shape.at((centre, width / 2, math.log(width / 4))) for centre in centres]
 
 
 def _build_onsets(times: Tensor) -> list[Window]:
@@ -132,7 +133,7 @@ def _combine_cells(
     for length in range(1, int(MAX_LENGTH * CELLS) + 1):
         for begin in range(CELLS if axis.periodic else CELLS - length + 1):
             chosen = [columns[(begin + k) % CELLS] for k in range(length)]
-            centre = ((begin + length / 2) * width) % axis.length
+            centre = ((begin + length / 2) * width) % axis.length + axis.begin
             place = (centre, length * width / 2, math.log(width / 4))
             spread = (axis.length / 4, axis.length / 8, LOG_WIDTH)
             yield WindowGuess(shape, place, spread), dict.fromkeys(chosen, 1.0)

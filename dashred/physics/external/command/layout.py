@@ -14,15 +14,18 @@ class Layout:
 
     Attributes:
         fields: in their order.
-        axes: places of the grid points by axis, in their order; none for an ODE.
-        units: by name of a field, axis or input, and of time as ``t``.
+        dimensions: of a field, in their order; none for an ODE.
+        coordinates: dimension and values of each coordinate, by name.
+        units: by name of a field, coordinate or input, and of time as ``t``.
     """
 
     fields: tuple[str, ...]
-    axes: Mapping[str, Array]
+    dimensions: tuple[str, ...]
+    coordinates: Mapping[str, tuple[str, Array]]
     units: Mapping[str, str]
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Number of points along each axis."""
-        return tuple(len(places) for places in self.axes.values())
+        """Number of points along each dimension."""
+        sizes = {dimension: len(values) for dimension, values in self.coordinates.values()}
+        return tuple(sizes[dimension] for dimension in self.dimensions)

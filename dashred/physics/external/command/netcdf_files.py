@@ -55,14 +55,17 @@ class InputWriter:
         import xarray as xr
 
         layout = self._layout
-        dims = ("member", *layout.axes)
+        dims = ("member", *layout.dimensions)
         variables = {
             name: (dims, batch.states[:, index], _units(name, layout))
             for index, name in enumerate(layout.fields)
         }
         for name, values in _clocks(batch).items():
             variables[name] = (("member",), values, _units("t" if name == "dt" else name, layout))
-        coords = {name: ((name,), x, _units(name, layout)) for name, x in layout.axes.items()}
+        coords = {
+            name: ((dimension,), x, _units(name, layout))
+            for name, (dimension, x) in layout.coordinates.items()
+        }
         attributes = {name: float(value) for name, value in batch.parameters.items()}
         xr.Dataset(variables, coords, attributes).to_netcdf(path, engine="h5netcdf")
 
@@ -82,7 +85,7 @@ def read_output(path: Path, members: int, layout: Layout) -> Array:
 def _read_variables(path: Path, members: int, layout: Layout) -> dict[str, NDArray[np.generic]]:
     import xarray as xr
 
-    found, wanted = {}, ("member", *layout.axes)
+    found, wanted = {}, ("member", *layout.dimensions)
     try:
         # A classic file, which many programs in Fortran write, is read by SciPy.
         with path.open("rb") as file:

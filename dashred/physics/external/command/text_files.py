@@ -50,7 +50,7 @@ def write_input(path: Path, batch: StateBatch, layout: Layout, template: Templat
     """
     fields = zip(layout.fields, batch.states[0], strict=True)
     values = {
-        **{name: places.tolist() for name, places in layout.axes.items()},
+        **{name: places.tolist() for name, (_, places) in layout.coordinates.items()},
         **{name: value.tolist() for name, value in fields},
         **{name: float(value[0]) for name, value in batch.inputs.items()},
         **{name: float(value) for name, value in batch.parameters.items()},

@@ -23,11 +23,13 @@ LEGEND = (
     "the laws identify the equation better"
 )
 
+Span = tuple[float, float]
+
 
 def forcing_figure(
     forcing: Mapping[str, Any],
     axis: str,
-    length: float,
+    span: Span,
     sensors: Sequence[float],
     clock: str = "time",
     source: Mapping[str, Any] | None = None,
@@ -39,7 +41,7 @@ def forcing_figure(
     Args:
         forcing: the forcing in the findings.
         axis: label of the coordinate.
-        length: length of the axis.
+        span: beginning and end of the axis.
         sensors: positions of the fit sensors, marked at the left edge.
         clock: label of the time axis.
         source: ``findings["where"]["source"]``; None without one.
@@ -58,8 +60,8 @@ def forcing_figure(
         grid = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
         for axes, (field, values) in zip(grid[: len(shown)], shown.items(), strict=True):
             std = np.asarray(forcing["std"][field], float)
-            image = _draw(axes, times, length, values, limit)
-            _mark_cells(axes, times, length, np.abs(values) < SIGNIFICANCE * std)
+            image = _draw(axes, times, span, values, limit)
+            _mark_cells(axes, times, span, np.abs(values) < SIGNIFICANCE * std)
             mark_sensors(axes, sensors)
             axes.set_ylabel(axis)
             axes.set_title(f"equation of {field}", fontsize=9)
@@ -73,16 +75,14 @@ def forcing_figure(
     return figure
 
 
-def _draw(
-    axes: Axes, times: np.ndarray, length: float, values: np.ndarray, limit: float
-) -> AxesImage:
+def _draw(axes: Axes, times: np.ndarray, span: Span, values: np.ndarray, limit: float) -> AxesImage:
     axes.grid(False)
     half = (times[1] - times[0]) / 2
     image = axes.imshow(
         values,
         origin="lower",
         aspect="auto",
-        extent=(times[0] - half, times[-1] + half, 0.0, length),
+        extent=(times[0] - half, times[-1] + half, *span),
         cmap=SIGNED,
         vmin=-limit,
         vmax=limit,
@@ -109,8 +109,9 @@ def _draw_course(axes: Axes, source: Mapping[str, Any]) -> None:
     axes.set_title(title, fontsize=9)
 
 
-def _mark_cells(axes: Axes, times: np.ndarray, length: float, insignificant: np.ndarray) -> None:
+def _mark_cells(axes: Axes, times: np.ndarray, span: Span, insignificant: np.ndarray) -> None:
     """Mark cells with dots."""
     cells, knots = np.nonzero(insignificant)
-    places = (cells + 0.5) * length / len(insignificant)
+    begin, end = span
+    places = begin + (cells + 0.5) * (end - begin) / len(insignificant)
     axes.plot(times[knots], places, ".", color="#7a7a7a", markersize=2.5, linewidth=0)

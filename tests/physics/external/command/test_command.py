@@ -6,9 +6,11 @@ import os
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import h5netcdf
 import numpy as np
 import pytest
 
@@ -16,6 +18,8 @@ from dashred.core.errors import InputError
 from dashred.core.threads import use_threads
 from dashred.physics.external.command.command import open_command
 from dashred.physics.external.command.layout import Layout
+from dashred.physics.external.command.netcdf_files import InputWriter, read_output
+from dashred.physics.external.state_batch import StateBatch
 from dashred.physics.external.stepped import SteppedProgram
 from dashred.physics.grids.grid import Axis, Grid
 
@@ -56,7 +60,7 @@ with h5netcdf.File(target, "w") as result:
     found.attrs["units"] = "m"
 """
 GRID = Grid((Axis("x", 1.0, 4),))
-LAYOUT = Layout(("u", "v"), {"x": np.arange(4) / 4}, {"u": "m"})
+LAYOUT = Layout(("u", "v"), ("x",), {"x": ("x", np.arange(4) / 4)}, {"u": "m"})
 PARAMETERS = {"k": 2.0}
 
 
@@ -105,7 +109,7 @@ def test_text_is_written_by_a_template_and_read_as_columns(tmp_path: Path) -> No
 
 def netcdf_program(folder: Path, fault: str = "") -> SteppedProgram:
     (folder / "solver.py").write_text(NETCDF.format(fault=fault))
-    layout = Layout(("u",), LAYOUT.axes, LAYOUT.units)
+    layout = replace(LAYOUT, fields=("u",))
     words = [sys.executable, str(folder / "solver.py"), "{input}", "{output}"]
     return opened(words, layout=layout)
 
@@ -116,6 +120,17 @@ def test_netcdf_has_a_batch_of_states(tmp_path: Path) -> None:
     found = stepped(program, states, {"f": f})
     np.testing.assert_allclose(found, 0.8 * states + 0.1 * f[:, None, None], rtol=1e-14)
     assert program.conduct.many
+
+
+def test_netcdf_of_nodes_has_their_coordinates(tmp_path: Path) -> None:
+    batch = StateBatch(states_of(2), np.zeros(2), np.ones(2), {}, {})
+    places = {"x": ("node", np.arange(4.0)), "y": ("node", np.arange(4.0) ** 2)}
+    layout = replace(LAYOUT, dimensions=("node",), coordinates=places)
+    InputWriter(layout).write(tmp_path / "input.nc", batch)
+    with h5netcdf.File(tmp_path / "input.nc") as file:
+        assert file["u"].dimensions == ("member", "node")
+        np.testing.assert_array_equal(file["y"][:], np.arange(4.0) ** 2)
+    np.testing.assert_array_equal(read_output(tmp_path / "input.nc", 2, layout), batch.states)
 
 
 def test_what_an_output_in_netcdf_lacks_is_told(tmp_path: Path) -> None:
