@@ -88,8 +88,9 @@ def simulate_nominal(problem: Problem, seconds: dict[str, float]) -> NominalRun:
 
 
 def can_be_corrected(problem: Problem, nominal: NominalRun) -> bool:
-    """Return whether a run can be corrected towards the readings, and is not yet."""
-    return bool(problem.system.axes) and problem.snapshots is None and not nominal.restarted
+    """Return whether a run of fields can be corrected towards the readings, and is not yet."""
+    has_modes = bool(problem.system.axes) and nominal.prior.size > 0
+    return has_modes and problem.snapshots is None and not nominal.restarted
 
 
 @torch.no_grad()
@@ -104,8 +105,12 @@ def corrected_towards_readings(
         problem: the recording.
         nominal: runs of the simulator.
         seconds: run time by stage, updated.
+
+    Raises:
+        OutOfTimeError: there is no time for them.
     """
-    with stage("correct a run towards the readings", seconds):
-        states = smooth_runs(problem, nominal.prior)
+    with stage("correct a run towards the readings", seconds) as report:
+        timed = within(problem.deadline("simulate"), report)
+        states = smooth_runs(problem, nominal.prior, timed)
         start = nominal.prior.centre[None]
         return replace(nominal, prior=start_prior(problem, start[0], states[0]), restarted=states)

@@ -20,7 +20,7 @@ from torch import Tensor
 
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.initial_state_prior import StartPrior
-from dashred.physics.solvers.simulate import simulate
+from dashred.physics.solvers.simulate import Progress, simulate
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.reading_range import distance_from_readings
 
@@ -56,7 +56,7 @@ def nudged_run(problem: Problem, prior: StartPrior) -> Tensor:
     return _nudged(problem, prior, prior.centre[None], torch.ones(1, dtype=torch.float64))[0]
 
 
-def smooth_run(problem: Problem, prior: StartPrior) -> Tensor:
+def smooth_run(problem: Problem, prior: StartPrior, progress: Progress) -> Tensor:
     """Return the corrected run of one episode, ``(time, field, *grid)``, of smooth states.
 
     At every sample, each field is projected onto the modes of a random start and the nominal start.
@@ -65,9 +65,10 @@ def smooth_run(problem: Problem, prior: StartPrior) -> Tensor:
     Args:
         problem: the episode.
         prior: distribution of its start.
+        progress: called with the fraction done.
     """
-    factors = torch.ones(1, dtype=torch.float64)
-    return _nudged(problem, prior, prior.centre[None], factors, _smoothing(prior))[0]
+    start, factors = prior.centre[None], torch.ones(1, dtype=torch.float64)
+    return _nudged(problem, prior, start, factors, _smoothing(prior), progress)[0]
 
 
 def nudged_ensemble(
@@ -111,6 +112,7 @@ def _nudged(
     start: Tensor,
     factors: Tensor,
     smoothing: Callable[[Tensor], Tensor] = lambda states: states,
+    progress: Progress = lambda done: None,
 ) -> Tensor:
     """Return corrected runs, ``(member, time, field, *grid)``.
 
@@ -120,10 +122,11 @@ def _nudged(
         start: of every run, ``(member, field, *grid)``.
         factors: by which the readings of each are multiplied about their mean, ``(member,)``.
         smoothing: is applied to the states after each correction.
+        progress: called with the fraction done.
     """
     fit, times = problem.split.fit, problem.times
     operator, readings = problem.operator(fit), torch.from_numpy(fit.values)
-    mean = readings.nanmean(dim=0)
+    mean, grid = readings.nanmean(dim=0), problem.system.grid
     modes, seen = _modes(problem, prior)
     noise, (low, high) = problem.fit_noise_std(), _bounds(problem)
     farthest = LOST * torch.from_numpy(fit.trace_std()).clamp(min=1e-12)
@@ -141,9 +144,11 @@ def _nudged(
         apart = (target - operator(states, float(times[k])))[:, known]
         gain = _gain(seen[known], noise[known])
         states = states + torch.einsum("bs,ms,m...->b...", apart, gain, modes)
-        # Between the sensors a field may leave the range of the readings.
-        states = smoothing(states).clamp(low, high)
+        # Between the sensors a field may leave the range of the readings. A mirror image has one
+        # of its own, which follows.
+        states = grid.ring(grid.own(smoothing(states)).clamp(low, high))
         saved.append(states)
+        progress((k + 1) / len(readings))
     return torch.stack(saved, dim=1)
 
 
@@ -162,11 +167,15 @@ def _bounds(problem: Problem) -> tuple[Tensor, Tensor]:
     """Return the range of the readings of each field, widened on both sides, ``(field, 1, …)``."""
     fit, system = problem.split.fit, problem.system
     low, high = (torch.full((len(system.fields),), bound) for bound in (-torch.inf, torch.inf))
+    # Fields vanish at fixed ends.
+    ends = [0.0] if any(axis.ends == "fixed" for axis in system.axes) else []
     for index, field in enumerate(system.fields):
         values = fit.values[:, [sensor.reads == field for sensor in fit.sensors]]
+        values = values[np.isfinite(values)]
         if values.size:
-            margin = MARGIN * float(np.nanmax(values) - np.nanmin(values))
-            low[index], high[index] = np.nanmin(values) - margin, np.nanmax(values) + margin
+            least, most = min([values.min(), *ends]), max([values.max(), *ends])
+            margin = MARGIN * (most - least)
+            low[index], high[index] = least - margin, most + margin
     shape = (-1,) + (1,) * len(system.axes)
     return low.double().reshape(shape), high.double().reshape(shape)
 
@@ -197,17 +206,18 @@ def nudged_where_lost(
     return tuple(_over_times(e, nudged_run(e, prior)) for e in problem.episodes)
 
 
-def smooth_runs(problem: Problem, prior: StartPrior) -> tuple[Tensor, ...]:
+def smooth_runs(problem: Problem, prior: StartPrior, progress: Progress) -> tuple[Tensor, ...]:
     """Return the corrected runs of smooth states of all fitted episodes.
 
     Args:
         problem: the recording.
         prior: distribution of the start.
+        progress: called with the fraction of each episode that is done.
 
     Returns:
         See :func:`nudged_where_lost`.
     """
-    return tuple(_over_times(e, smooth_run(e, prior)) for e in problem.episodes)
+    return tuple(_over_times(e, smooth_run(e, prior, progress)) for e in problem.episodes)
 
 
 def _over_times(episode: Problem, states: Tensor) -> Tensor:
