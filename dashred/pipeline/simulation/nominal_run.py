@@ -65,6 +65,7 @@ def simulate_nominal(problem: Problem, seconds: dict[str, float]) -> NominalRun:
 
     Raises:
         InputError: the simulation blows up, and there are snapshots instead of equations.
+        OutOfTimeError: there is no time for it.
     """
     system, times = problem.system, problem.times
     restarted: tuple[Tensor, ...] = ()
@@ -80,7 +81,7 @@ def simulate_nominal(problem: Problem, seconds: dict[str, float]) -> NominalRun:
             restarted = restarted_where_lost(problem, start[0], path[0])
         elif problem.snapshots is None:
             prior = StartPrior(system, start[0], field_rms(start), fitted_modes(system))
-            restarted = nudged_where_lost(problem, prior, (path[0], *others))
+            restarted = nudged_where_lost(problem, prior, (path[0], *others), timed)
         else:
             check_finite(path, times, system)
     prior = start_prior(problem, start[0], restarted[0] if restarted else path[0])

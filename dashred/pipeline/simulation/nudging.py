@@ -33,6 +33,7 @@ READING_SPREAD = 0.3
 MARGIN = 0.5
 # Shapes are independent if their singular value is above this share of the largest.
 LEAST = 1e-6
+Smoothing = Callable[[Tensor], Tensor]
 
 
 def is_lost(problem: Problem, path: Tensor) -> bool:
@@ -44,31 +45,6 @@ def is_lost(problem: Problem, path: Tensor) -> bool:
     """
     fitted = path[: len(problem.split.fit.times)]
     return bool((distance_from_readings(problem, fitted) >= LOST).any())
-
-
-def nudged_run(problem: Problem, prior: StartPrior) -> Tensor:
-    """Return the corrected run of one episode over its fitted part, ``(time, field, *grid)``.
-
-    Args:
-        problem: the episode.
-        prior: distribution of its start.
-    """
-    return _nudged(problem, prior, prior.centre[None], torch.ones(1, dtype=torch.float64))[0]
-
-
-def smooth_run(problem: Problem, prior: StartPrior, progress: Progress) -> Tensor:
-    """Return the corrected run of one episode, ``(time, field, *grid)``, of smooth states.
-
-    At every sample, each field is projected onto the modes of a random start and the nominal start.
-    A simulator without its dissipation creates ever finer structures, which no sensor sees.
-
-    Args:
-        problem: the episode.
-        prior: distribution of its start.
-        progress: called with the fraction done.
-    """
-    start, factors = prior.centre[None], torch.ones(1, dtype=torch.float64)
-    return _nudged(problem, prior, start, factors, _smoothing(prior), progress)[0]
 
 
 def nudged_ensemble(
@@ -90,7 +66,11 @@ def nudged_ensemble(
     return Ensemble(times, states, torch.zeros((members, len(problem.library))))
 
 
-def _smoothing(prior: StartPrior) -> Callable[[Tensor], Tensor]:
+def _unchanged(states: Tensor) -> Tensor:
+    return states
+
+
+def _smoothing(prior: StartPrior) -> Smoothing:
     """Return the projection of states ``(batch, field, *grid)`` onto smooth ones."""
     bases = []
     for nominal in prior.centre:
@@ -111,7 +91,7 @@ def _nudged(
     prior: StartPrior,
     start: Tensor,
     factors: Tensor,
-    smoothing: Callable[[Tensor], Tensor] = lambda states: states,
+    smoothing: Smoothing = _unchanged,
     progress: Progress = lambda done: None,
 ) -> Tensor:
     """Return corrected runs, ``(member, time, field, *grid)``.
@@ -187,7 +167,7 @@ def _gain(seen: Tensor, noise: Tensor) -> Tensor:
 
 
 def nudged_where_lost(
-    problem: Problem, prior: StartPrior, paths: Sequence[Tensor]
+    problem: Problem, prior: StartPrior, paths: Sequence[Tensor], progress: Progress
 ) -> tuple[Tensor, ...]:
     """Return the corrected runs of all fitted episodes if a run leaves the range of its recording.
 
@@ -195,19 +175,23 @@ def nudged_where_lost(
         problem: the recording.
         prior: distribution of the start.
         paths: simulation of each episode, ``(time, field, *grid)``.
+        progress: called with the fraction of each episode that is done.
 
     Returns:
-        States at the times of each episode. Beyond the fitted part, whose readings alone are used,
-        they are repeated. Empty if no run is lost.
+        States at the times of each episode, ``(time, field, *grid)``. Beyond the fitted part, whose
+        readings alone are used, they are repeated. Empty if no run is lost.
     """
     pairs = zip(problem.episodes, paths, strict=True)
     if not any(is_lost(episode, path) for episode, path in pairs):
         return ()
-    return tuple(_over_times(e, nudged_run(e, prior)) for e in problem.episodes)
+    return tuple(_corrected(e, prior, progress) for e in problem.episodes)
 
 
 def smooth_runs(problem: Problem, prior: StartPrior, progress: Progress) -> tuple[Tensor, ...]:
     """Return the corrected runs of smooth states of all fitted episodes.
+
+    At every sample, each field is projected onto the modes of a random start and the nominal start.
+    A simulator without its dissipation creates ever finer structures, which no sensor sees.
 
     Args:
         problem: the recording.
@@ -217,9 +201,14 @@ def smooth_runs(problem: Problem, prior: StartPrior, progress: Progress) -> tupl
     Returns:
         See :func:`nudged_where_lost`.
     """
-    return tuple(_over_times(e, smooth_run(e, prior, progress)) for e in problem.episodes)
+    smoothing = _smoothing(prior)
+    return tuple(_corrected(e, prior, progress, smoothing) for e in problem.episodes)
 
 
-def _over_times(episode: Problem, states: Tensor) -> Tensor:
-    """Return states at all times of an episode; beyond the fitted part they are repeated."""
+def _corrected(
+    episode: Problem, prior: StartPrior, progress: Progress, smoothing: Smoothing = _unchanged
+) -> Tensor:
+    """Return the corrected run of one episode at all its times, ``(time, field, *grid)``."""
+    factors = torch.ones(1, dtype=torch.float64)
+    [states] = _nudged(episode, prior, prior.centre[None], factors, smoothing, progress)
     return states[torch.arange(len(episode.times)) % len(states)]
