@@ -8,15 +8,18 @@ from torch import Tensor
 
 from dashred.pipeline.problem import Problem
 
+# Share of the readings on either side that does not count as range: it may be spikes of a sensor.
+OUTSIDE = 0.01
+
 
 def distance_from_readings(problem: Problem, path: Tensor) -> Tensor:
     """Return how far simulated readings are from the recorded ones, ``(time,)``.
 
     The distance of a reading is that from the mean of its quantity over all fitted sensors and
-    samples, in standard deviations of these; it is 0 between the smallest and the largest of them,
-    and infinite for NaN. The standard deviation is at least the noise σ, in case a quantity is
-    constant. A quantity without any reading has no range. The distance of a sample is the largest
-    of its readings.
+    samples, in standard deviations of these. It is 0 between the quantiles of 1 % and 99 %, so that
+    rare pulses that were recorded count as near, and infinite for NaN. The standard deviation is at
+    least the noise σ, in case a quantity is constant. The distance of a sample is the largest of
+    its readings.
 
     Args:
         problem: one episode.
@@ -29,10 +32,9 @@ def distance_from_readings(problem: Problem, path: Tensor) -> Tensor:
         mine = [j for j, sensor in enumerate(fit.sensors) if sensor.reads == quantity]
         known = fit.values[:, mine]
         known = known[np.isfinite(known)]
-        if not known.size:
-            continue
         read, std = simulated[:, mine], max(float(known.std()), float(noise[mine].max()), 1e-12)
-        is_outside = (read < known.min()) | (read > known.max())
+        low, high = np.quantile(known, (OUTSIDE, 1 - OUTSIDE))
+        is_outside = (read < low) | (read > high)
         away = torch.where(is_outside, (read - float(known.mean())).abs() / std, 0.0)
         largest = torch.maximum(largest, away.amax(dim=1))
     return largest
