@@ -29,7 +29,7 @@ def build_library(system: System, listed: Mapping[str, Sequence[str]] | None) ->
             alone (:func:`dashred.physics.let_terms.build_let_terms`), for the default.
 
     Raises:
-        InputError: a term is invalid, or two terms of one equation are proportional.
+        InputError: a term is invalid, two terms of one equation are proportional, or there is none.
     """
     named = {name: texts for name, texts in (listed or {}).items() if name in system.fields}
     chosen = named or {field: default_terms(system) for field in equations_with_candidates(system)}
@@ -56,6 +56,12 @@ def build_library(system: System, listed: Mapping[str, Sequence[str]] | None) ->
                 )
             seen[expr] = text
             library.append(Term(equation, expr))
+    if not library:
+        raise InputError(
+            "the library has no terms",
+            where=system.where(f"library.{next(iter(chosen))}"),
+            hint="list at least one, or remove library: the default terms are then used",
+        )
     return library
 
 

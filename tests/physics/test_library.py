@@ -238,3 +238,11 @@ integrator: {dt: 0.1}
     assert not {text for equation, text in library if equation == "w" and "d(w" in text}
     with pytest.raises(InputError, match="more conditions at the ends than c has"):
         build_library(system, {"c": ["d(c, x, 4)"]})
+
+
+def test_a_library_without_terms_is_refused(make_system):
+    system = declare(make_system, "{}", "uv")
+    assert build_library(system, {"u": [], "v": ["u"]})
+    with pytest.raises(InputError, match="the library has no terms") as e:
+        build_library(system, {"u": [], "v": []})
+    assert "default terms" in str(e.value.hint)

@@ -16,7 +16,7 @@ import dashred
 from dashred.config import Config, load_config
 from dashred.core.errors import InputError
 from dashred.physics.solvers.simulate import simulate
-from dashred.pipeline import equations
+from dashred.pipeline import simulation_runs
 from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.problem import Problem
 
@@ -216,7 +216,7 @@ def test_a_stated_step_that_is_too_long_for_an_ode_system_is_halved(tmp_path: Pa
         },
         "simulation": {"members": 24, "held_out": 6},
     }
-    simulated = equations.simulate(problem_of(tmp_path, values, frame), {})
+    simulated = simulation_runs.simulate(problem_of(tmp_path, values, frame), {})
     assert simulated.problem.system.dt == 0.25
     assert "time step: 0.25, half of the stated one" in simulated.problem.clock
     assert simulated.resolution.resolved and simulated.segments is not None

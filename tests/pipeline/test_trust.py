@@ -11,7 +11,7 @@ import torch
 
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.initial_state.start_models import project_state
-from dashred.pipeline.discovery import hypothesis_stage
+from dashred.pipeline.discovery import explained_record
 from dashred.pipeline.problem import Problem
 from tests import laws
 
@@ -25,9 +25,9 @@ def test_noise_far_above_the_stated_one_is_no_noise(monkeypatch, found, stated, 
     split = SimpleNamespace(fit=SimpleNamespace(sensors=sensors))
     problem = cast(Problem, SimpleNamespace(split=split))
     believed = SimpleNamespace(std=torch.ones(2))
-    monkeypatch.setattr(hypothesis_stage, "fit_noise", lambda _: believed)
+    monkeypatch.setattr(explained_record, "fit_noise", lambda _: believed)
     noise: Any = SimpleNamespace(std=torch.tensor([found, found]))
-    assert hypothesis_stage.is_noise_inflated(problem, noise) is inflated
+    assert explained_record.is_noise_inflated(problem, noise) is inflated
 
 
 @pytest.mark.parametrize(
@@ -41,13 +41,13 @@ def test_what_a_start_cannot_express_is_seen_in_the_first_samples(
     stated = NoiseModel(
         torch.ones(laws.SENSORS), torch.zeros(laws.SENSORS), torch.ones(shape, dtype=torch.bool)
     )
-    monkeypatch.setattr(hypothesis_stage, "fit_noise", lambda _: stated)
+    monkeypatch.setattr(explained_record, "fit_noise", lambda _: stated)
     residuals = late * torch.ones(shape)
     residuals[:4] = early
     residuals[10, 0] = torch.nan
     start = replace(laws.law(widened=factor), residuals=residuals)
     problem = cast(Problem, SimpleNamespace())
-    assert hypothesis_stage.is_start_explained(problem, start) is explained
+    assert explained_record.is_start_explained(problem, start) is explained
 
 
 def test_a_start_is_found_again_in_a_prior_that_is_not_linear() -> None:

@@ -133,6 +133,8 @@ def build_candidates(
         for term in let_terms
     ]
     found = [c for c in parameters if c.effects or c.prior] + terms + shared
+    if not found:
+        return []
     rms = tendency_size(system, nominal, t)
     columns = Columns.of(
         [term_column(system, c.terms, nominal, t, rms) for c in found],

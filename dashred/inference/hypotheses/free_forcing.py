@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import torch
 from torch import Tensor
@@ -17,18 +16,20 @@ from torch import Tensor
 from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.levenberg_marquardt import minimise, minimise_growing_horizon
 from dashred.inference.forward.forcing_block import ForcingBlock
+from dashred.inference.hypotheses.forcing_levels import (
+    LEVELS,
+    STRONG_LEVELS,
+    best_levels,
+    evidence,
+    evidence_of_levels,
+    level_combinations,
+    prior_stds,
+)
 from dashred.physics.forcing_basis import ForcingBasis
 
 # Number of cells along each axis, by the number of axes, and of knots in time. Every cell and knot
 # is a column of the Jacobian.
 CELLS, KNOTS = (1, 12, 4), 13
-# Choices of the prior std of an amplitude, as shares of the equation's tendency; 0: no forcing.
-LEVELS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)
-# Choices where the largest of these loses the recording: a source at one place may be far stronger
-# than what the simulator does on average.
-STRONG_LEVELS = (3.0, 10.0, 30.0)
-# Used in place of 0 to keep the prior regular.
-ZERO_LEVEL = 1e-6
 ROUNDS, STEPS, TOLERANCE = 3, 2, 0.01
 # A forcing with larger residuals, as a multiple of the noise, has lost the recording.
 MAX_NOISE_RATIO = 2.0
@@ -38,8 +39,6 @@ FIRST_SAMPLES, GROWTH, GROWING_STEPS, NOISE_FACTOR = 6, 1.15, 5, 3.0
 # Levels of such a refit. The smallest that follows the recording is used: a large forcing may drive
 # the trajectory away.
 GROWING_LEVELS = (0.03, 0.3)
-# Possible rounding error of a smallest eigenvalue, as a share of the largest matrix entry.
-ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -70,8 +69,8 @@ class FreeForcing:
 
         It is averaged over all levels, because the best of many does well by chance.
         """
-        choices = _level_combinations(self.equations, len(self.block.size))
-        values = [_evidence_of_levels(self.normal, self.block, levels) for levels in choices]
+        choices = level_combinations(self.equations, len(self.block.size))
+        values = [evidence_of_levels(self.normal, self.block, levels) for levels in choices]
         least = min(values)
         return least - 2 * math.log(sum(math.exp((least - v) / 2) for v in values) / len(values))
 
@@ -79,27 +78,6 @@ class FreeForcing:
     def amplitudes(self) -> Tensor:
         """The amplitudes of the forcing, ``(equation, cell, knot)``."""
         return self.block.amplitudes(self.phi[-self.block.count :])[0]
-
-
-def evidence(normal: NormalEquations, index: Sequence[int]) -> float:
-    """Return ``-2 ln p(y)`` of a linearised model with some of its unknowns, up to a constant.
-
-    ``min F + ln det(JᵀJ + P) - ln det P`` (Laplace's approximation).
-    """
-    chosen = list(index)
-    hessian = normal.hessian[chosen][:, chosen]
-    precision = normal.precision[chosen]
-    right_side = normal.jacobian[:, chosen].T @ normal.target
-    size = precision.sqrt()
-    scaled = hessian / size[:, None] / size
-    factor, failed = torch.linalg.cholesky_ex(scaled)
-    if failed:
-        # If a trajectory is about to blow up, rounding errors of its columns exceed the prior.
-        jitter = ROUNDING * scaled.diagonal().max() * torch.eye(len(scaled), dtype=scaled.dtype)
-        factor = torch.linalg.cholesky(scaled + jitter)
-    whitened = torch.linalg.solve_triangular(factor, (right_side / size)[:, None], upper=False)
-    least = float(normal.target.square().sum() - whitened.square().sum())
-    return least + 2 * float(factor.diagonal().log().sum())
 
 
 def fit_forcing_block(
@@ -155,7 +133,7 @@ def _forced_problem(
     """Return F with a forcing, and the point without one."""
     objective.deadline.check()
     forced_model = replace(objective.forward_model, forcing=block)
-    whole = objective.with_unknowns(forced_model, _prior_stds(block, LEVELS[-1:] * len(block.size)))
+    whole = objective.with_unknowns(forced_model, prior_stds(block, LEVELS[-1:] * len(block.size)))
     return whole, torch.cat([phi, torch.zeros(block.count, dtype=torch.float64)])
 
 
@@ -206,7 +184,7 @@ def _fit_levels(
     """
     levels: tuple[float, ...] = ()
     for _ in range(ROUNDS):
-        before, levels = levels, _best_levels(normal, block, equations, choices)
+        before, levels = levels, best_levels(normal, block, equations, choices)
         objective = _with_levels(objective, block, levels)
         if not any(levels):
             break
@@ -250,40 +228,9 @@ def fit_free_forcing(
     return forcing, without - forcing.evidence
 
 
-def _best_levels(
-    normal: NormalEquations,
-    block: ForcingBlock,
-    equations: Sequence[int],
-    choices: Sequence[float],
-) -> tuple[float, ...]:
-    """Return the level of each equation with the best evidence."""
-    combinations = _level_combinations(equations, len(block.size), choices)
-    return min(combinations, key=lambda levels: _evidence_of_levels(normal, block, levels))
-
-
-def _level_combinations(
-    equations: Sequence[int], fields: int, choices: Sequence[float] = LEVELS
-) -> list[tuple[float, ...]]:
-    """Return all combinations of levels of the equations."""
-    return list(product(*(choices if e in equations else choices[:1] for e in range(fields))))
-
-
-def _evidence_of_levels(
-    normal: NormalEquations, block: ForcingBlock, levels: tuple[float, ...]
-) -> float:
-    """Return the evidence of a forcing with these levels."""
-    precision = torch.cat([normal.precision[: -block.count], _prior_stds(block, levels) ** -2])
-    return evidence(replace(normal, precision=precision), range(len(precision)))
-
-
 def _with_levels(
     objective: LeastSquaresProblem, block: ForcingBlock, levels: tuple[float, ...]
 ) -> LeastSquaresProblem:
     """Return F of a forcing with these levels."""
-    stds = torch.cat([objective.prior_std[: -block.count], _prior_stds(block, levels)])
+    stds = torch.cat([objective.prior_std[: -block.count], prior_stds(block, levels)])
     return replace(objective, prior_std=stds)
-
-
-def _prior_stds(block: ForcingBlock, levels: Sequence[float]) -> Tensor:
-    shares = torch.tensor([max(level, ZERO_LEVEL) for level in levels], dtype=torch.float64)
-    return block.by_amplitude(shares * block.size)

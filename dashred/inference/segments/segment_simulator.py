@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.segments.nearby_steps import NearbySteps, step_of
 from dashred.inference.segments.program_step import ProgramStep
+from dashred.inference.segments.segment_clock import HALVES, SegmentClock
 from dashred.inference.segments.segments import Array, Segments
-from dashred.inference.segments.substeps import divided
 from dashred.inference.segments.tendency import Tendency
 from dashred.physics.runge_kutta import CLASSICAL, Tableau
 from dashred.physics.solvers.schedule import round_up
@@ -29,8 +29,6 @@ from dashred.physics.system import System
 
 # Used instead of an adaptive method, whose derivative would depend on its choice of steps.
 FALLBACK: Tableau = CLASSICAL
-# Halves of a step of the added terms, about one step of a program.
-HALVES = 2
 
 
 class SegmentSimulator:
@@ -49,10 +47,9 @@ class SegmentSimulator:
         program, known = systems[0].program, systems[0].config.parameters
         self.program = None if program is None else step_of(program, known)
         parts = substeps if program is None else HALVES * substeps
-        jumps = [system.jumps for system in systems]
-        self._begins, self._steps = divided(segments, parts, jumps)
+        self._clock = SegmentClock(self.systems, segments, parts, self.tableau.c)
         # Runge-Kutta steps from one sample to the next.
-        self._parts = len(self._steps) // (segments.times.shape[1] - 1)
+        self._parts = len(self._clock.steps) // (segments.times.shape[1] - 1)
         self._tendencies: dict[tuple[Candidate, ...], Tendency] = {}
 
     def with_substeps(self, substeps: int) -> SegmentSimulator:
@@ -86,14 +83,14 @@ class SegmentSimulator:
         tendency, program = self._tendency(candidates), self._changed_program(candidates, xi)
         x, saved = nodes, [nodes]
         with np.errstate(all="ignore"):
-            for i, h in enumerate(self._steps[:, :, None]):
+            for i, h in enumerate(self._clock.steps[:, :, None]):
                 rates: list[Array] = []
                 for stage, shares in enumerate(self.tableau.a):
                     at = x + h * _combined(shares, rates)
-                    rates.append(tendency.rates(at, xi, self._clock(i, stage), force))
+                    rates.append(tendency.rates(at, xi, self._clock.at_stage(i, stage), force))
                 x = x + h * _combined(self.tableau.b, rates)
                 if program is not None and i % HALVES == 0:
-                    x = program.advance(i, x, *self._program_clock(i))
+                    x = program.advance(i, x, *self._clock.of_program(i))
                 if (i + 1) % self._parts == 0:
                     saved.append(x)
         return np.stack(saved, axis=1)
@@ -127,13 +124,15 @@ class SegmentSimulator:
         places = tendency.equations, known + tendency.owners
         forces = list(forced), range(fields, known)
         with np.errstate(all="ignore"):
-            for i, h in enumerate(self._steps[:, :, None]):
+            for i, h in enumerate(self._clock.steps[:, :, None]):
                 rates: list[Array] = []
                 slopes: list[Array] = []
                 for stage, shares in enumerate(self.tableau.a):
                     at = x + h * _combined(shares, rates)
                     along = s + h[:, :, None] * _combined(shares, slopes)
-                    rate, jacobian, values = tendency.linearise(at, xi, self._clock(i, stage))
+                    rate, jacobian, values = tendency.linearise(
+                        at, xi, self._clock.at_stage(i, stage)
+                    )
                     slope = jacobian @ along
                     slope[:, places[0], places[1]] += values.T
                     slope[:, forces[0], forces[1]] += 1.0
@@ -142,7 +141,7 @@ class SegmentSimulator:
                 x = x + h * _combined(self.tableau.b, rates)
                 s = s + h[:, :, None] * _combined(self.tableau.b, slopes)
                 if program is not None and i % HALVES == 0:
-                    x, carried, moved = program.linearise(i, x, *self._program_clock(i))
+                    x, carried, moved = program.linearise(i, x, *self._clock.of_program(i))
                     s = carried @ s
                     s[:, :, own] += moved
                 if (i + 1) % self._parts == 0:
@@ -166,9 +165,9 @@ class SegmentSimulator:
         tendency = self._tendency(candidates)
         with np.errstate(all="ignore"):
             xi = np.zeros(len(candidates))
-            rates, _, terms = tendency.linearise(nodes, xi, self._clock(0, 0))
+            rates, _, terms = tendency.linearise(nodes, xi, self._clock.at_stage(0, 0))
             if self.program is not None:
-                begins, steps, inputs = self._program_clock(0)
+                begins, steps, inputs = self._clock.of_program(0)
                 ends = self.program.advance(0, nodes, begins, steps, inputs)
                 rates = rates + (ends - nodes) / steps[:, None]
         equations, owners = tendency.equations, tendency.owners
@@ -184,7 +183,7 @@ class SegmentSimulator:
     @cached_property
     def samples(self) -> dict[str, Array]:
         """Time and inputs at every sample, ``(segment, sample)`` each."""
-        return self._clock_at(self.segments.times)
+        return self._clock.at(self.segments.times)
 
     def forecast(self, node: Array, segment: int) -> Array:
         """Return the state at the end of one segment, ``(field,)``, without any candidate."""
@@ -211,37 +210,6 @@ class SegmentSimulator:
         if key not in self._tendencies:
             self._tendencies[key] = Tendency(self.systems[0], key)
         return self._tendencies[key]
-
-    def _clock(self, step: int, stage: int) -> dict[str, Array]:
-        """Return time and inputs at one stage, ``(segment,)`` each."""
-        return self._clocks[step][stage]
-
-    def _program_clock(self, step: int) -> tuple[Array, Array, dict[str, Array]]:
-        """Return begin and length of a step of the program, and the inputs in its middle.
-
-        Args:
-            step: the first of its two halves.
-        """
-        begins, halves = self._begins[step], self._steps[step]
-        named = self._clock_at(begins + halves)
-        return begins, HALVES * halves, {name: named[name] for name in self.systems[0].inputs}
-
-    @cached_property
-    def _clocks(self) -> list[list[dict[str, Array]]]:
-        """Time and inputs at every stage of every step: every run needs the same."""
-        return [
-            [self._clock_at(begin + node * h) for node in self.tableau.c]
-            for begin, h in zip(self._begins, self._steps, strict=True)
-        ]
-
-    def _clock_at(self, t: Array) -> dict[str, Array]:
-        """Return time and inputs at times ``(segment, …)``."""
-        found = {"t": t}
-        for episode, system in enumerate(self.systems):
-            mine = self.segments.episode == episode
-            for name, values in system.input_signals.at(t[mine]).items():
-                found.setdefault(name, np.empty_like(t))[mine] = values
-        return found
 
 
 def _in_program(candidates: Sequence[Candidate]) -> dict[int, str]:

@@ -12,6 +12,9 @@ FURTHER = 10
 # Once a call has taken too long, others may take so many times what the first one took for a state,
 # and at least so many seconds: a program that hangs at some states would use up the budget.
 SPARE, LEAST = 100, 1.0
+# They may also take so many times what the slowest one took until then, for example because the
+# first one began at rest.
+SLOWER = 2
 
 
 @dataclass
@@ -21,10 +24,12 @@ class Patience:
     Attributes:
         limit: longest time for one state, in s; infinite for no limit.
         each: time that one state took in the first call, in s.
+        slowest: the longest time of a call that has ended, by state, in s.
     """
 
     limit: float
     each: float = 0.0
+    slowest: float = 0.0
 
     def of(self, count: int) -> float:
         """Return the longest time of a call with so many states, in s."""
@@ -38,6 +43,8 @@ class Patience:
             yield longest
         except BaseException:
             if self.each and monotonic() - began > 0.99 * longest:
-                self.limit = min(self.limit, max(SPARE * self.each, LEAST))
+                needed = max(SPARE * self.each, SLOWER * self.slowest, LEAST)
+                self.limit = min(self.limit, needed)
             raise
-        self.each = self.each or (monotonic() - began) / count
+        took = (monotonic() - began) / count
+        self.each, self.slowest = self.each or took, max(self.slowest, took)

@@ -17,7 +17,7 @@ from dashred.core.tracking import NullTracker
 from dashred.data.episodes import Episodes
 from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.physics.runs.resolution import Resolution
-from dashred.pipeline import equations
+from dashred.pipeline import equations, simulation_runs
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.api.result import Result
 from dashred.pipeline.api.simulator import Simulator
@@ -54,7 +54,7 @@ def discover(config: Config, recorded: Episodes) -> Result:
 
 
 def _discover_with_equations(problem: Problem, seconds: dict[str, float]) -> Result:
-    simulated = equations.simulate(problem, seconds)
+    simulated = simulation_runs.simulate(problem, seconds)
     problem = simulated.problem
     analysis = equations.discover(simulated, NullTracker(), NoCheckpoints(), seconds)
     if isinstance(analysis, Resolution):

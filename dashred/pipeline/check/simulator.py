@@ -250,7 +250,9 @@ def _resolution_remark(
         remedy = "decrease system.integrator.dt"
         if system.program is None:
             remedy += ", or increase the points of the axes"
-        return Remark(text, "error", f"{why}; {remedy}")
+        # Then a run may go on from smooth states along the readings.
+        unless = "unless the simulator lacks what keeps its fields smooth"
+        return Remark(text, "error", f"{why}, {unless}; {remedy}")
     # A run shortens the step of an ODE system, but by a limited factor.
     return warning(
         text, f"if half of the step is too long as well, {why}; decrease system.integrator.dt"

@@ -19,14 +19,10 @@ from dashred.inference.segments.selection.left_force import force_beside
 from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.inference.sensor_faults.error_curve import follows_state
 from dashred.pipeline.assimilation import AssimilationResult
+from dashred.pipeline.discovery.explained_record import is_record_explained, is_start_explained
 from dashred.pipeline.discovery.first_trajectory import FirstTrajectory, fit_first_trajectory
 from dashred.pipeline.discovery.headline_law import with_headline
-from dashred.pipeline.discovery.hypothesis_stage import (
-    compare_explanations,
-    forcing_gain_on,
-    is_record_explained,
-    is_start_explained,
-)
+from dashred.pipeline.discovery.hypothesis_stage import compare_explanations, forcing_gain_on
 from dashred.pipeline.discovery.inputs import DiscoveryInputs
 from dashred.pipeline.discovery.law_metrics import log_best_by_size, log_first_guesses
 from dashred.pipeline.discovery.law_stage import SelectedLaws, select_laws

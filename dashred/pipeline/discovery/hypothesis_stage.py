@@ -11,7 +11,6 @@ from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise, minimise_growing_horizon
-from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.fit.stepwise_selection import RefittedSet
 from dashred.inference.forward.candidates import Candidate, replaced_terms
 from dashred.inference.forward.law_block import LawBlock
@@ -20,13 +19,10 @@ from dashred.inference.hypotheses.comparison.comparison import Additions, Compar
 from dashred.inference.hypotheses.extended.extended_library import build_extended_candidates
 from dashred.inference.hypotheses.free_forcing import fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
-from dashred.inference.hypotheses.result import (
-    AMBIGUITY_MARGIN,
-    MAX_EXPLAINED_CHI2,
-    MIN_FORCING_GAIN,
-)
+from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN
 from dashred.physics.runs.tendency_size import tendency_size
 from dashred.physics.window import window_shapes
+from dashred.pipeline.discovery.explained_record import is_noise_inflated
 from dashred.pipeline.discovery.first_guess_stage import FittedGuess
 from dashred.pipeline.discovery.least_squares import exact_simulator, fit_noise
 from dashred.pipeline.discovery.prior_start import fit_near_prior
@@ -37,10 +33,6 @@ from dashred.pipeline.simulation.state_samples import state_samples
 STEPS, TOLERANCE = 10, 1e-4
 # If the misfit is more than this many times the noise, the fit without a law needs little accuracy.
 LARGE_MISFIT, ROUGH_TOLERANCE = 5.0, 0.005
-# Estimated noise of more than this many times the stated noise is attributed to another cause.
-MAX_NOISE_RATIO = 1.3
-# Share of the record in which an error of the start is forgotten.
-FORGOTTEN = 0.1
 # Number of samples of the first fit without a law if no earlier fit is trusted.
 FIRST_SAMPLES = 6
 
@@ -191,66 +183,12 @@ def _with_global_laws(
     return replace(comparison, laws=ranked, noise=objective.noise)
 
 
-def is_noise_inflated(problem: Problem, noise: NoiseModel, *, is_whole: bool = True) -> bool:
-    """Return whether the estimated noise is far above the noise that the recording states.
-
-    Args:
-        problem: the recording.
-        noise: estimated from the residuals of a law.
-        is_whole: whether the law follows the whole record. Otherwise its residuals are no noise,
-            and the noise that is visible in the traces is used where none is stated.
-    """
-    is_stated = all(sensor.std is not None for sensor in problem.split.fit.sensors)
-    ratio = float((noise.std / fit_noise(problem).std).median())
-    return (is_stated or not is_whole) and ratio > MAX_NOISE_RATIO
-
-
 def forcing_gain_on(fit: HypothesisFit, problem: Problem, nominal: NominalRun) -> float:
     """Return the evidence for a free forcing on top of a law."""
     samples = state_samples(problem, nominal)
     size = tendency_size(samples.system, samples.states, samples.times)
     objective = replace(fit.objective, deadline=NEVER)
     return fit_free_forcing(objective, fit.phi, size)[1]
-
-
-def is_record_explained(problem: Problem, comparison: Comparison) -> bool:
-    """Return whether the best hypothesis, or a free forcing, explains the whole record.
-
-    This is used if the horizon did not reach the end of the record. The residuals must be noise. In
-    addition the hypothesis must be a local law, a source, a sensor fault or another start, or a
-    free forcing must not improve the fit. If no hypothesis explains the record, but a free forcing
-    does, then the simulator lacks an effect that the library does not express. If the time sufficed
-    for sensor faults only, no forcing was fitted, and the noise is that from before the comparison.
-    """
-    best = comparison.laws[0]
-    has_other_cause = (
-        best.window is not None
-        or best.source is not None
-        or bool(best.faults)
-        or best.has_other_start
-    )
-    if comparison.is_cut_short:
-        return has_other_cause and best.chi2 < MAX_EXPLAINED_CHI2
-    if comparison.forcing_gain > MIN_FORCING_GAIN and comparison.forcing_map is not None:
-        return not is_noise_inflated(problem, comparison.forced_noise)
-    if is_noise_inflated(problem, comparison.noise) and not is_start_explained(problem, best):
-        return False
-    return has_other_cause or comparison.forcing_gain <= MIN_FORCING_GAIN
-
-
-def is_start_explained(problem: Problem, law: Law) -> bool:
-    """Return whether another start explains the record after its first samples.
-
-    The modes of a start cannot express every field. The rest is visible in the first samples, and a
-    dissipative system forgets it.
-    """
-    if law.start_prior_factor <= 1:
-        return False
-    noise = fit_noise(problem)
-    later = noise.available & ~law.residuals.isnan()
-    later[: round(FORGOTTEN * len(later))] = False
-    residuals = replace(noise, available=later).whiten(law.residuals)
-    return float(residuals.square().sum() / later.sum()) < MAX_NOISE_RATIO**2
 
 
 def _with_candidates(

@@ -30,12 +30,9 @@ from dashred.inference.hypotheses.sources.source_law import fit_source_law
 from dashred.inference.hypotheses.terms_everywhere import best_terms_everywhere
 from dashred.inference.hypotheses.windows.early_window import find_early_window
 from dashred.physics.runs.tendency_size import tendency_size
+from dashred.pipeline.discovery.explained_record import is_record_explained
 from dashred.pipeline.discovery.first_guess_stage import FittedGuess
-from dashred.pipeline.discovery.hypothesis_stage import (
-    compare_local_cause,
-    is_record_explained,
-    with_windows,
-)
+from dashred.pipeline.discovery.hypothesis_stage import compare_local_cause, with_windows
 from dashred.pipeline.discovery.prior_start import MAX_LAW_RATIO, fit_near_prior
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun

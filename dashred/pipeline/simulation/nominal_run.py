@@ -65,6 +65,7 @@ def simulate_nominal(problem: Problem, seconds: dict[str, float]) -> NominalRun:
 
     Raises:
         InputError: the simulation blows up, and there are snapshots instead of equations.
+        OutOfTimeError: there is no time for it.
     """
     system, times = problem.system, problem.times
     restarted: tuple[Tensor, ...] = ()
@@ -80,7 +81,7 @@ def simulate_nominal(problem: Problem, seconds: dict[str, float]) -> NominalRun:
             restarted = restarted_where_lost(problem, start[0], path[0])
         elif problem.snapshots is None:
             prior = StartPrior(system, start[0], field_rms(start), fitted_modes(system))
-            restarted = nudged_where_lost(problem, prior, (path[0], *others))
+            restarted = nudged_where_lost(problem, prior, (path[0], *others), timed)
         else:
             check_finite(path, times, system)
     prior = start_prior(problem, start[0], restarted[0] if restarted else path[0])
@@ -88,8 +89,9 @@ def simulate_nominal(problem: Problem, seconds: dict[str, float]) -> NominalRun:
 
 
 def can_be_corrected(problem: Problem, nominal: NominalRun) -> bool:
-    """Return whether a run can be corrected towards the readings, and is not yet."""
-    return bool(problem.system.axes) and problem.snapshots is None and not nominal.restarted
+    """Return whether a run of fields can be corrected towards the readings, and is not yet."""
+    has_modes = bool(problem.system.axes) and nominal.prior.size > 0
+    return has_modes and problem.snapshots is None and not nominal.restarted
 
 
 @torch.no_grad()
@@ -104,8 +106,12 @@ def corrected_towards_readings(
         problem: the recording.
         nominal: runs of the simulator.
         seconds: run time by stage, updated.
+
+    Raises:
+        OutOfTimeError: there is no time for them.
     """
-    with stage("correct a run towards the readings", seconds):
-        states = smooth_runs(problem, nominal.prior)
+    with stage("correct a run towards the readings", seconds) as report:
+        timed = within(problem.deadline("simulate"), report)
+        states = smooth_runs(problem, nominal.prior, timed)
         start = nominal.prior.centre[None]
         return replace(nominal, prior=start_prior(problem, start[0], states[0]), restarted=states)

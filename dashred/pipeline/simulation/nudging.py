@@ -20,7 +20,7 @@ from torch import Tensor
 
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.initial_state_prior import StartPrior
-from dashred.physics.solvers.simulate import simulate
+from dashred.physics.solvers.simulate import Progress, simulate
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.reading_range import distance_from_readings
 
@@ -33,6 +33,7 @@ READING_SPREAD = 0.3
 MARGIN = 0.5
 # Shapes are independent if their singular value is above this share of the largest.
 LEAST = 1e-6
+Smoothing = Callable[[Tensor], Tensor]
 
 
 def is_lost(problem: Problem, path: Tensor) -> bool:
@@ -44,30 +45,6 @@ def is_lost(problem: Problem, path: Tensor) -> bool:
     """
     fitted = path[: len(problem.split.fit.times)]
     return bool((distance_from_readings(problem, fitted) >= LOST).any())
-
-
-def nudged_run(problem: Problem, prior: StartPrior) -> Tensor:
-    """Return the corrected run of one episode over its fitted part, ``(time, field, *grid)``.
-
-    Args:
-        problem: the episode.
-        prior: distribution of its start.
-    """
-    return _nudged(problem, prior, prior.centre[None], torch.ones(1, dtype=torch.float64))[0]
-
-
-def smooth_run(problem: Problem, prior: StartPrior) -> Tensor:
-    """Return the corrected run of one episode, ``(time, field, *grid)``, of smooth states.
-
-    At every sample, each field is projected onto the modes of a random start and the nominal start.
-    A simulator without its dissipation creates ever finer structures, which no sensor sees.
-
-    Args:
-        problem: the episode.
-        prior: distribution of its start.
-    """
-    factors = torch.ones(1, dtype=torch.float64)
-    return _nudged(problem, prior, prior.centre[None], factors, _smoothing(prior))[0]
 
 
 def nudged_ensemble(
@@ -89,7 +66,11 @@ def nudged_ensemble(
     return Ensemble(times, states, torch.zeros((members, len(problem.library))))
 
 
-def _smoothing(prior: StartPrior) -> Callable[[Tensor], Tensor]:
+def _unchanged(states: Tensor) -> Tensor:
+    return states
+
+
+def _smoothing(prior: StartPrior) -> Smoothing:
     """Return the projection of states ``(batch, field, *grid)`` onto smooth ones."""
     bases = []
     for nominal in prior.centre:
@@ -110,7 +91,8 @@ def _nudged(
     prior: StartPrior,
     start: Tensor,
     factors: Tensor,
-    smoothing: Callable[[Tensor], Tensor] = lambda states: states,
+    smoothing: Smoothing = _unchanged,
+    progress: Progress = lambda done: None,
 ) -> Tensor:
     """Return corrected runs, ``(member, time, field, *grid)``.
 
@@ -120,10 +102,11 @@ def _nudged(
         start: of every run, ``(member, field, *grid)``.
         factors: by which the readings of each are multiplied about their mean, ``(member,)``.
         smoothing: is applied to the states after each correction.
+        progress: called with the fraction done.
     """
     fit, times = problem.split.fit, problem.times
     operator, readings = problem.operator(fit), torch.from_numpy(fit.values)
-    mean = readings.nanmean(dim=0)
+    mean, grid = readings.nanmean(dim=0), problem.system.grid
     modes, seen = _modes(problem, prior)
     noise, (low, high) = problem.fit_noise_std(), _bounds(problem)
     farthest = LOST * torch.from_numpy(fit.trace_std()).clamp(min=1e-12)
@@ -141,9 +124,11 @@ def _nudged(
         apart = (target - operator(states, float(times[k])))[:, known]
         gain = _gain(seen[known], noise[known])
         states = states + torch.einsum("bs,ms,m...->b...", apart, gain, modes)
-        # Between the sensors a field may leave the range of the readings.
-        states = smoothing(states).clamp(low, high)
+        # Between the sensors a field may leave the range of the readings. A mirror image has one
+        # of its own, which follows.
+        states = grid.ring(grid.own(smoothing(states)).clamp(low, high))
         saved.append(states)
+        progress((k + 1) / len(readings))
     return torch.stack(saved, dim=1)
 
 
@@ -162,11 +147,15 @@ def _bounds(problem: Problem) -> tuple[Tensor, Tensor]:
     """Return the range of the readings of each field, widened on both sides, ``(field, 1, …)``."""
     fit, system = problem.split.fit, problem.system
     low, high = (torch.full((len(system.fields),), bound) for bound in (-torch.inf, torch.inf))
+    # Fields vanish at fixed ends.
+    ends = [0.0] if any(axis.ends == "fixed" for axis in system.axes) else []
     for index, field in enumerate(system.fields):
         values = fit.values[:, [sensor.reads == field for sensor in fit.sensors]]
+        values = values[np.isfinite(values)]
         if values.size:
-            margin = MARGIN * float(np.nanmax(values) - np.nanmin(values))
-            low[index], high[index] = np.nanmin(values) - margin, np.nanmax(values) + margin
+            least, most = min([values.min(), *ends]), max([values.max(), *ends])
+            margin = MARGIN * (most - least)
+            low[index], high[index] = least - margin, most + margin
     shape = (-1,) + (1,) * len(system.grid.shape)
     return low.double().reshape(shape), high.double().reshape(shape)
 
@@ -178,7 +167,7 @@ def _gain(seen: Tensor, noise: Tensor) -> Tensor:
 
 
 def nudged_where_lost(
-    problem: Problem, prior: StartPrior, paths: Sequence[Tensor]
+    problem: Problem, prior: StartPrior, paths: Sequence[Tensor], progress: Progress
 ) -> tuple[Tensor, ...]:
     """Return the corrected runs of all fitted episodes if a run leaves the range of its recording.
 
@@ -186,30 +175,40 @@ def nudged_where_lost(
         problem: the recording.
         prior: distribution of the start.
         paths: simulation of each episode, ``(time, field, *grid)``.
+        progress: called with the fraction of each episode that is done.
 
     Returns:
-        States at the times of each episode. Beyond the fitted part, whose readings alone are used,
-        they are repeated. Empty if no run is lost.
+        States at the times of each episode, ``(time, field, *grid)``. Beyond the fitted part, whose
+        readings alone are used, they are repeated. Empty if no run is lost.
     """
     pairs = zip(problem.episodes, paths, strict=True)
     if not any(is_lost(episode, path) for episode, path in pairs):
         return ()
-    return tuple(_over_times(e, nudged_run(e, prior)) for e in problem.episodes)
+    return tuple(_corrected(e, prior, progress) for e in problem.episodes)
 
 
-def smooth_runs(problem: Problem, prior: StartPrior) -> tuple[Tensor, ...]:
+def smooth_runs(problem: Problem, prior: StartPrior, progress: Progress) -> tuple[Tensor, ...]:
     """Return the corrected runs of smooth states of all fitted episodes.
+
+    At every sample, each field is projected onto the modes of a random start and the nominal start.
+    A simulator without its dissipation creates ever finer structures, which no sensor sees.
 
     Args:
         problem: the recording.
         prior: distribution of the start.
+        progress: called with the fraction of each episode that is done.
 
     Returns:
         See :func:`nudged_where_lost`.
     """
-    return tuple(_over_times(e, smooth_run(e, prior)) for e in problem.episodes)
+    smoothing = _smoothing(prior)
+    return tuple(_corrected(e, prior, progress, smoothing) for e in problem.episodes)
 
 
-def _over_times(episode: Problem, states: Tensor) -> Tensor:
-    """Return states at all times of an episode; beyond the fitted part they are repeated."""
+def _corrected(
+    episode: Problem, prior: StartPrior, progress: Progress, smoothing: Smoothing = _unchanged
+) -> Tensor:
+    """Return the corrected run of one episode at all its times, ``(time, field, *grid)``."""
+    factors = torch.ones(1, dtype=torch.float64)
+    [states] = _nudged(episode, prior, prior.centre[None], factors, smoothing, progress)
     return states[torch.arange(len(episode.times)) % len(states)]

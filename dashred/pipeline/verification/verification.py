@@ -186,6 +186,7 @@ def unresolved_findings(problem: Problem, resolution: Resolution) -> Findings:
         causes=[cause],
         units=problem.system.units,
     )
+    note_budget(findings, problem.budget)
     return add_text(findings, problem.system)
 
 

@@ -11,9 +11,9 @@ import torch
 from dashred.inference.fit.least_squares import NormalEquations
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.hypotheses import free_forcing
+from dashred.inference.hypotheses.forcing_levels import evidence
 from dashred.inference.hypotheses.free_forcing import (
     FreeForcing,
-    evidence,
     fit_forcing_block,
     fit_free_forcing,
 )

@@ -101,6 +101,20 @@ def test_nobody_waits_again_for_a_program_that_is_much_faster_elsewhere(
     assert patience.of(1) == 5.0
 
 
+def test_a_program_keeps_the_time_that_it_has_needed_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clock = iter([0.0, 0.001, 0.0, 20.0, 0.0, 60.0])
+    monkeypatch.setattr("dashred.physics.external.patience.monotonic", lambda: next(clock))
+    patience = Patience(60.0)
+    for count in (1, 5):
+        with patience.call(count):
+            pass
+    with pytest.raises(OverrunError), patience.call(1):
+        raise OverrunError
+    assert patience.of(1) == 8.0
+
+
 def test_the_timer_of_the_caller_goes_on() -> None:
     before = signal.getsignal(signal.SIGALRM)
     with pytest.raises(OverrunError), time_limit(0.05):

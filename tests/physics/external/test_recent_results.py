@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 from dashred.physics.external.function import FunctionAdapter
 from dashred.physics.external.kept import recent_results
+from dashred.physics.external.state_batch import StateBatch
 from dashred.physics.external.stepped import SteppedProgram
 from dashred.physics.grids.grid import Grid
 
@@ -73,8 +75,20 @@ def test_a_state_that_failed_is_not_tried_again() -> None:
 
 
 def test_the_oldest_are_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recent_results, "MOST_BYTES", 2 * (recent_results.KEY_BYTES + 8))
+    monkeypatch.setattr(recent_results, "MOST_BYTES", 2 * (recent_results.ENTRY_BYTES + 8))
     decay, program = opened()
     for state in (1.0, 2.0, 3.0, 3.0, 2.0, 1.0):
         stepped(program, [state])
     assert decay.counts == [1, 1, 1, 1]
+
+
+def test_their_memory_is_bounded_for_small_states_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recent_results, "MOST_BYTES", 2**20)
+    results, each = recent_results.RecentResults(), np.ones(5000)
+    tracemalloc.start()
+    for part in range(4):
+        states = np.arange(15000.0).reshape(5000, 3) + part / 8
+        results.keep(StateBatch(states, each, each, {}, PARAMETERS), states)
+    used, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert used < 2 * 2**20

@@ -106,3 +106,20 @@ def test_the_saturation_is_found(growth: Path, train) -> None:
     low, high = term["ci95"]
     assert low < -1.0 < high and high - low < 0.2
     assert "the run without the law diverges" in ended.out
+
+
+def test_between_fixed_ends_the_mirror_image_follows(tmp_path: Path) -> None:
+    between = SYSTEM.replace("points: 32}", "points: 32, ends: fixed}")
+    between = between.replace("0.5 + 0.3*cos(2*pi*x/10)", "0.8*sin(pi*x/10)")
+    places = 0.6 + 1.2 * np.arange(SENSORS)
+    pulse = np.outer(np.exp(0.1 * TIMES.numpy()), np.sin(np.pi * places / 10))
+    names = [f"s{i}" for i in range(SENSORS)]
+    header, table = ",".join(["time", *names]), np.column_stack([TIMES.numpy(), pulse])
+    np.savetxt(tmp_path / "recording.csv", table, delimiter=",", header=header, comments="")
+    rows = [f"{name},u,{place}" for name, place in zip(names, places, strict=True)]
+    (tmp_path / "sensors.csv").write_text("\n".join(["name,field,x", *rows]) + "\n")
+    (tmp_path / "growth.yaml").write_text(between.replace("SATURATION", "") + REST)
+    problem = build_problem(load_config([f"conf={tmp_path / 'growth.yaml'}"], entry="test"))
+    grid, [states] = problem.system.grid, simulate_nominal(problem, {}).restarted
+    torch.testing.assert_close(grid.ring(grid.own(states)), states)
+    assert float(states[:, 0, 0].abs().max()) < 1e-12 and float(states.max()) > 1.2

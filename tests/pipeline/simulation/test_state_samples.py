@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 import torch
 
@@ -75,3 +78,47 @@ def test_a_run_that_is_not_finite_is_infinitely_far(runs: tuple[Problem, Nominal
     states = nominal.states.clone()
     states[-1, 0, 3] = torch.nan
     assert distance_from_readings(problem, states)[-1] == torch.inf
+
+
+def with_readings(problem: Problem, values: np.ndarray) -> Problem:
+    """The problem with other readings of its fitted sensors."""
+    fit = replace(problem.split.fit, values=values)
+    return replace(problem, split=replace(problem.split, fit=fit))
+
+
+def test_missing_readings_have_no_influence(runs: tuple[Problem, NominalRun]) -> None:
+    problem, nominal = runs
+    values = problem.split.fit.values.copy()
+    values[::3, 0] = np.nan
+    away = distance_from_readings(with_readings(problem, values), nominal.states)
+    torch.testing.assert_close(
+        away, distance_from_readings(problem, nominal.states), rtol=0.1, atol=0.1
+    )
+
+
+def test_a_quantity_that_is_constant_has_the_range_of_its_noise(
+    runs: tuple[Problem, NominalRun],
+) -> None:
+    problem, nominal = runs
+    still = with_readings(problem, np.ones_like(problem.split.fit.values))
+    noise = float(still.fit_noise_std().max())
+    states = torch.ones_like(nominal.states) + 3 * noise
+    away = distance_from_readings(still, states)
+    torch.testing.assert_close(away, torch.full_like(away, 3.0))
+
+
+def test_a_rare_pulse_that_was_recorded_is_within_the_range(
+    runs: tuple[Problem, NominalRun],
+) -> None:
+    problem, nominal = runs
+    values = np.zeros_like(problem.split.fit.values)
+    values[3] = 10.0
+    pulsed = with_readings(problem, values)
+    away = distance_from_readings(pulsed, torch.full_like(nominal.states, 9.9))
+    # The pulse is far from the mean.
+    assert (9.9 - values.mean()) / values.std() > FARTHEST and not away.any()
+    assert (distance_from_readings(pulsed, torch.full_like(nominal.states, 30.0)) > FARTHEST).all()
+    # A single spike of a sensor is no pulse.
+    values[3, 1:] = 0.0
+    spiked = with_readings(problem, values)
+    assert (distance_from_readings(spiked, torch.full_like(nominal.states, 9.9)) > FARTHEST).all()

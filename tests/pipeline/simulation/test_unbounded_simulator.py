@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from dashred.config import load_config
 from dashred.core.budget import OutOfTimeError
-from dashred.pipeline import equations
+from dashred.pipeline import simulation_runs
 from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 from dashred.pipeline.simulation.resolution_check import check_discretisation
@@ -84,9 +84,9 @@ def test_without_time_for_the_ensemble_a_law_is_kept(
     def no_time(*_: object) -> None:
         raise OutOfTimeError
 
-    monkeypatch.setattr(equations, "simulate_ensemble", no_time)
+    monkeypatch.setattr(simulation_runs, "simulate_ensemble", no_time)
     problem = build_problem(load_config([f"conf={circuit}"], entry="test"))
-    runs = equations.simulate(problem, {})
+    runs = simulation_runs.simulate(problem, {})
     assert runs.segments is not None and runs.ensemble is not None
     assert len(runs.ensemble.states) == 24
     assert "training SHRED on the simulator without the law" in runs.problem.budget.not_tried

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import torch
 
 from dashred.config import load_config
+from dashred.core.budget import Budget
+from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import (
@@ -15,6 +19,8 @@ from dashred.pipeline.simulation.nominal_run import (
     simulate_nominal,
 )
 from dashred.pipeline.simulation.resolution_check import check_discretisation
+from dashred.pipeline.simulation_runs import _along_readings
+from dashred.pipeline.verification.verification import unresolved_findings
 from tests.pipeline.simulation.conftest import SHORT_RUN
 from tests.ring_recording import write_ring_recording
 
@@ -66,3 +72,14 @@ def test_smooth_states_follow_the_readings(runs: tuple[Problem, NominalRun]) -> 
     waves = torch.fft.rfft(states[:, 0]).abs()
     kept = len(nominal.prior.basis)
     assert float(waves[:, kept:].max()) < 1e-9 * float(waves.max())
+
+
+def test_without_time_for_them_the_run_stays_as_it_is(runs: tuple[Problem, NominalRun]) -> None:
+    problem, nominal = runs
+    hurried = replace(problem, budget=Budget.begin(1e-6))
+    own = Resolution(1.0, 0.01, None)
+    found = _along_readings(hurried, nominal, own, {})
+    assert found == (nominal, own)
+    assert hurried.budget.not_tried == ["smooth states along the readings"]
+    findings = unresolved_findings(hurried, own)
+    assert findings["budget"] is not None

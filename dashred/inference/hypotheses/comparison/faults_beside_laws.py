@@ -11,7 +11,8 @@ from dashred.inference.fit.law import Law
 from dashred.inference.hypotheses.comparison.needless_terms import drop_needless_terms
 from dashred.inference.hypotheses.comparison.noise_reestimation import refit_under_noise
 from dashred.inference.hypotheses.comparison.residual_forcing import ResidualForcing
-from dashred.inference.hypotheses.free_forcing import FreeForcing, evidence, fit_free_forcing
+from dashred.inference.hypotheses.forcing_levels import evidence
+from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, by_score, refit
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN
 from dashred.inference.hypotheses.sensors.fault_fits import fit_sensor_hypotheses

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.least_squares import NormalEquations
-from dashred.inference.hypotheses.free_forcing import evidence
+from dashred.inference.hypotheses.forcing_levels import evidence
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, fit_growing_horizon
 from dashred.inference.hypotheses.sensors.chance_of_start import chance_of_start
 from dashred.inference.initial_state.start_models import ScaledStart

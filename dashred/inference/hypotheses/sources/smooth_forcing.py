@@ -18,11 +18,10 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquat
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.forward.law_block import LawBlock
+from dashred.inference.hypotheses.forcing_levels import ZERO_LEVEL, evidence
 from dashred.inference.hypotheses.forcing_map import ForcingMap
 from dashred.inference.hypotheses.free_forcing import (
-    ZERO_LEVEL,
     FreeForcing,
-    evidence,
 )
 from dashred.physics.forcing_basis import ForcingBasis, cell_centres
 from dashred.physics.system import System

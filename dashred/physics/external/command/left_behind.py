@@ -8,28 +8,36 @@ from __future__ import annotations
 
 import atexit
 import os
+import secrets
 import signal
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 MARK = "DASHRED_STARTED_BY"
+# The number of a process is given again after its end, and in each container.
+_token = secrets.token_hex(8)
 
 
 def marked_environment() -> dict[str, str]:
     """Return the environment of a program; what it leaves behind is ended with this process."""
     _end_at_exit()
-    return {**os.environ, MARK: str(os.getpid())}
+    return {**os.environ, MARK: _own_mark()}
 
 
 def end_left_behind() -> None:
     """End all processes that have the environment of this process' programs."""
-    mark = f"{MARK}={os.getpid()}".encode()
+    mark = f"{MARK}={_own_mark()}".encode()
     for file in Path("/proc").glob("[0-9]*/environ"):
         # A process may have ended since, or belong to another user.
         with suppress(OSError):
             if mark in file.read_bytes().split(b"\0"):
                 os.kill(int(file.parent.name), signal.SIGKILL)
+
+
+def _own_mark() -> str:
+    """Return the mark of this process; one that it has forked has another."""
+    return f"{os.getpid()}-{_token}"
 
 
 @cache

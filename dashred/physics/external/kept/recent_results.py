@@ -12,6 +12,8 @@ from dashred.physics.external.state_batch import Array, StateBatch
 # When the results take more space, in bytes, the oldest are forgotten.
 MOST_BYTES = 2**28
 KEY_BYTES = 16
+# What Python takes for an entry beside the numbers: far more than those of a small state.
+ENTRY_BYTES = 330
 
 
 class RecentResults:
@@ -34,10 +36,10 @@ class RecentResults:
         for key, result in zip(_keys(batch), results, strict=True):
             if key not in self._results:
                 self._results[key] = result.copy()
-                self._bytes += KEY_BYTES + result.nbytes
+                self._bytes += ENTRY_BYTES + result.nbytes
         while self._bytes > MOST_BYTES:
             _, result = self._results.popitem(last=False)
-            self._bytes -= KEY_BYTES + result.nbytes
+            self._bytes -= ENTRY_BYTES + result.nbytes
 
 
 def _keys(batch: StateBatch) -> list[bytes]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 import torch
 
-from dashred.inference.hypotheses.free_forcing import FreeForcing, evidence, fit_free_forcing
+from dashred.inference.hypotheses.forcing_levels import evidence
+from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forcing
 from dashred.inference.hypotheses.sources.bump import Bump
 from dashred.inference.hypotheses.sources.smooth_forcing import (
     LinearisedForcing,

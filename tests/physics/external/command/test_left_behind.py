@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from dashred.physics.external.command.left_behind import (
+    MARK,
+    end_left_behind,
+    marked_environment,
+)
 from tests.physics.external.command.test_command import is_running
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="needs /proc")
@@ -34,3 +41,18 @@ def test_a_daemon_of_a_program_is_ended(tmp_path: Path) -> None:
     assert other.poll() is None
     other.kill()
     other.wait()
+
+
+def test_a_program_of_another_process_of_the_same_number_lives() -> None:
+    words = [sys.executable, "-S", "-E", "-c", "import time; time.sleep(60)"]
+    others = [
+        subprocess.Popen(words, env={**os.environ, MARK: mark})
+        for mark in (str(os.getpid()), f"{os.getpid()}-0123456789abcdef")
+    ]
+    own = subprocess.Popen(words, env=marked_environment())
+    end_left_behind()
+    assert own.wait(20) == -signal.SIGKILL
+    assert [other.poll() for other in others] == [None, None]
+    for other in others:
+        other.kill()
+        other.wait()
