@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
+import torch
 from torch import Tensor
 
 from dashred.inference.fit.law import Law
@@ -14,10 +15,13 @@ from dashred.inference.hypotheses.comparison.residual_forcing import ResidualFor
 from dashred.inference.hypotheses.forcing_levels import evidence
 from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, by_score, refit
-from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN
+from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN, MAX_EXPLAINED_CHI2
 from dashred.inference.hypotheses.sensors.fault_fits import fit_sensor_hypotheses
 from dashred.inference.sensor_faults.fault_table import DISTINCT_KINDS
 from dashred.inference.sensor_faults.neighbours import has_neighbours
+
+# A source lowers the misfit of the sensors that see it by more than this.
+SEEN = 2 * AMBIGUITY_MARGIN
 
 
 def search_faults_beside_best(
@@ -89,6 +93,34 @@ def has_neighbouring_faults(fit: HypothesisFit) -> bool:
     sensors = model.sensors.operator.sensors
     chosen = [sensor for sensor in sensors if sensor.name in erring]
     return has_neighbours(sensors, chosen, model.simulator.system.axes)
+
+
+def is_seen_by_one_sensor(source: HypothesisFit, fits: Sequence[HypothesisFit]) -> bool:
+    """Tell whether a fault of one sensor explains the recording, and no other one sees a source.
+
+    A narrow source of any course at a sensor imitates any error of it. A real one spreads: it
+    lowers the misfit of other sensors, too.
+
+    Args:
+        source: the law of a source.
+        fits: the other hypotheses, under the same noise.
+    """
+    faulty = [fit for fit in fits if not fit.law.candidates and _is_of_one_sensor(fit.law)]
+    explained = [fit for fit in faulty if fit.law.chi2 < MAX_EXPLAINED_CHI2]
+    if not explained:
+        return False
+    fault = min(explained, key=by_score)
+    block, noise = fault.objective.forward_model.sensors, fault.objective.noise
+    name = fault.law.faults[0].sensor
+    others = torch.tensor([s.name != name for s in block.operator.sensors])
+    others = others.repeat(noise.std.numel() // len(others))
+    changes = fault.law.residuals.square() - source.law.residuals.square()
+    gain = (changes / noise.std.square())[:, others].nansum()
+    return float(gain) < SEEN
+
+
+def _is_of_one_sensor(law: Law) -> bool:
+    return len({fault.sensor for fault in law.faults}) == 1
 
 
 def is_curves_alone(law: Law) -> bool:

@@ -7,7 +7,10 @@ from collections.abc import Sequence
 from dashred.core.progress import Report
 from dashred.inference.fit.law import Law
 from dashred.inference.hypotheses.comparison.comparison import Additions
-from dashred.inference.hypotheses.comparison.faults_beside_laws import has_neighbouring_faults
+from dashred.inference.hypotheses.comparison.faults_beside_laws import (
+    has_neighbouring_faults,
+    is_seen_by_one_sensor,
+)
 from dashred.inference.hypotheses.comparison.fitted_hypotheses import FittedHypotheses
 from dashred.inference.hypotheses.comparison.local_and_extended import (
     fit_local_and_extended,
@@ -64,6 +67,8 @@ def add_forced_and_local(
             ),
             source,
         )
+        if source.fits and is_seen_by_one_sensor(source.fits[0], hypotheses.fits):
+            source = SourceHypothesis()
         hypotheses.fits += source.fits
     leader = hypotheses.leader
     if leader is not hypotheses.fits[0] and _is_sufficient(leader):
