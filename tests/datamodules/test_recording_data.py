@@ -63,7 +63,7 @@ def test_no_field_is_available(fit, validation):
         (SAMPLES, 4),
         (SAMPLES, 2),
         (SAMPLES, LAGS + 1, 2),
-        *((1,), (1, 1)),  # clock and values of the inputs, both empty
+        *((1,), (1, 1), (0,)),  # clock, values and jumps of the inputs, all empty
     }
     own = set(vars(data))
     shapes = arrays({name: getattr(data, name) for name in own})

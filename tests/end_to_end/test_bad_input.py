@@ -93,7 +93,7 @@ def test_the_recording_that_the_others_spoil_is_good(quick, train, own) -> None:
         (cell(0, 3, "q2"), ("mine.csv", "sensor 'p2' has no column", "one of: time, p0, p1")),
         (cell(7, 3, "1,5".replace(",", ";")), ("mine.csv:8, column 'p2'", "'1;5' is not a number")),
         (cell(4, 1, "high"), ("mine.csv:5, column 'p0'", "'high' is not a number", "leave")),
-        (cell(0, 0, "seconds"), ("mine.csv", "no column 'time'", "seconds, p0")),
+        (cell(0, 0, "depth"), ("mine.csv", "no column 'time'", "depth, p0")),
         (cell(9, 0, "0.3"), ("mine.csv:10, column 'time'", "time decreases", "must increase")),
         (cell(9, 0, "0.7"), ("mine.csv:10, column 'time'", "time is repeated")),
         (cell(9, 0, ""), ("mine.csv:10, column 'time'", "time is missing")),
