@@ -7,8 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from dashred.inference.segments.segments import Array, Segments
 from dashred.inference.segments.divided_intervals import divided
+from dashred.inference.segments.segments import Array, Segments
 from dashred.physics.system import System
 
 # Halves of a step of the added terms, about one step of a program.

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from dashred.data.inputs import with_inputs
+from dashred.inference.segments.divided_intervals import divided
 from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import cut
-from dashred.inference.segments.divided_intervals import divided
 from dashred.physics.backends.input_signals import InputSignals
 from tests import laws
 
