@@ -19,6 +19,7 @@ from dashred.inference.hypotheses.comparison.faults_beside_laws import (
     forcing_gain_beside,
     forcing_gain_over,
     is_curves_alone,
+    is_seen_by_one_sensor,
     refit_rivals_beside_faults,
     search_faults_beside_best,
 )
@@ -67,7 +68,7 @@ def compare_hypotheses(
 
     Args:
         full_problem: F of all candidates over the whole record.
-        best: the best law that acts everywhere.
+        best: the best law that acts everywhere, or a source that was found before any law.
         null: the uncorrected simulator.
         rivals: other laws that act everywhere and do about as well as the best.
         additions: what may be added.
@@ -78,6 +79,8 @@ def compare_hypotheses(
         OutOfTimeError: there was no time for any other hypothesis.
     """
     with_faults = fit_fault_hypotheses(best, null, budget)
+    if best.law.source is not None and is_seen_by_one_sensor(best, with_faults):
+        best, with_faults = null, [fit for fit in with_faults if fit.law.source is None]
     compared = budget.attempt(
         "causes other than sensor faults",
         lambda: _compare_all(
