@@ -8,39 +8,31 @@ import numpy as np
 import pytest
 import torch
 
-from dashred.config import load_config
 from dashred.inference.forward.candidates import build_candidates
-from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation.nominal_run import NominalRun, simulate_nominal
+from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.simulation.reading_range import distance_from_readings
 from dashred.pipeline.simulation.state_samples import FARTHEST, state_samples
-from tests.pipeline.simulation.conftest import SHORT_RUN
-from tests.ring_recording import write_ring_recording
+from tests.pipeline.simulation.conftest import runs_without
 
 SYSTEM = """
 system:
   title: growth with diffusion
   axes: {x: {length: 10, points: 32}}
   fields: {u: amount}
-  equations: {u: 0.1*lap(u) + 0.6*uSATURATION}
+  equations: {u: 0.1*lap(u) + 0.6*uMISSING}
   start: {u: 0.2 + 0.15*cos(2*pi*x/10)}
   spread: {u: 0.02}
   integrator: {dt: 0.02}
 """
-REST = "\nrecording: {path: recording.csv, sensors: sensors.csv}" + SHORT_RUN
 TIMES = torch.linspace(0, 4, 61, dtype=torch.float64)
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Problem, NominalRun]:
     """A simulator without its saturation, whose run drifts away from the recording."""
-    folder = tmp_path_factory.mktemp("drift")
-    complete = SYSTEM.replace("SATURATION", " - u**3")
-    write_ring_recording(folder, complete, (0.2, 0.15), TIMES, 8, 0.01)
-    (folder / "drift.yaml").write_text(SYSTEM.replace("SATURATION", "") + REST)
-    problem = build_problem(load_config([f"conf={folder / 'drift.yaml'}"], entry="test"))
-    return problem, simulate_nominal(problem, {})
+    folder = tmp_path_factory.mktemp("runs")
+    return runs_without(" - u**3", SYSTEM, (0.2, 0.15), TIMES, folder)
 
 
 def test_samples_within_the_range_of_the_recording_are_kept(

@@ -7,46 +7,37 @@ from dataclasses import replace
 import pytest
 import torch
 
-from dashred.config import load_config
 from dashred.core.budget import Budget
 from dashred.physics.runs.resolution import Resolution
-from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import (
     NominalRun,
     can_be_corrected,
     corrected_towards_readings,
-    simulate_nominal,
 )
 from dashred.pipeline.simulation.resolution_check import check_discretisation
 from dashred.pipeline.simulation_runs import _along_readings
 from dashred.pipeline.verification.verification import unresolved_findings
-from tests.pipeline.simulation.conftest import SHORT_RUN
-from tests.ring_recording import write_ring_recording
+from tests.pipeline.simulation.conftest import runs_without
 
 SYSTEM = """
 system:
   title: steepening waves
   axes: {x: {length: 10, points: 48}}
   fields: {u: velocity}
-  equations: {u: -u*d(u, x)VISCOSITY}
+  equations: {u: -u*d(u, x)MISSING}
   start: {u: 1 + 0.6*cos(2*pi*x/10)}
   spread: {u: 0.02}
   integrator: {dt: 0.01}
 """
-REST = "\nrecording: {path: recording.csv, sensors: sensors.csv}" + SHORT_RUN
 TIMES = torch.linspace(0, 8, 81, dtype=torch.float64)
 
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Problem, NominalRun]:
     """The simulator without its viscosity, in which shocks form, beside a recording."""
-    folder = tmp_path_factory.mktemp("waves")
-    complete = SYSTEM.replace("VISCOSITY", " + 0.2*lap(u)")
-    write_ring_recording(folder, complete, (1.0, 0.6), TIMES, 8, 0.01)
-    (folder / "waves.yaml").write_text(SYSTEM.replace("VISCOSITY", "") + REST)
-    problem = build_problem(load_config([f"conf={folder / 'waves.yaml'}"], entry="test"))
-    return problem, simulate_nominal(problem, {})
+    folder = tmp_path_factory.mktemp("runs")
+    return runs_without(" + 0.2*lap(u)", SYSTEM, (1.0, 0.6), TIMES, folder)
 
 
 def test_its_own_run_is_not_resolved_and_smooth_states_are(
