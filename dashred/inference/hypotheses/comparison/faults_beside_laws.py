@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
-import torch
 from torch import Tensor
 
 from dashred.inference.fit.law import Law
@@ -111,12 +110,13 @@ def is_seen_by_one_sensor(source: HypothesisFit, fits: Sequence[HypothesisFit]) 
         return False
     fault = min(explained, key=by_score)
     block, noise = fault.objective.forward_model.sensors, fault.objective.noise
-    name = fault.law.faults[0].sensor
-    others = torch.tensor([s.name != name for s in block.operator.sensors])
-    others = others.repeat(noise.std.numel() // len(others))
-    changes = fault.law.residuals.square() - source.law.residuals.square()
-    gain = (changes / noise.std.square())[:, others].nansum()
-    return float(gain) < SEEN
+    names = [sensor.name for sensor in block.operator.sensors]
+    both = [fault.law.residuals, source.law.residuals]
+    others = noise.available & ~both[0].isnan() & ~both[1].isnan()
+    others[:, block.columns_of(names.index(fault.law.faults[0].sensor))] = False
+    seen = replace(noise, available=others)
+    with_fault, with_source = (float(seen.whiten(each).square().sum()) for each in both)
+    return with_fault - with_source < SEEN
 
 
 def _is_of_one_sensor(law: Law) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.hypotheses.comparison.faults_beside_laws import SEEN, is_seen_by_one_sensor
 
 SIGMA, SAMPLES = 0.1, 50
@@ -26,9 +28,14 @@ def fit(found: Tensor, faulty: tuple[str, ...] = (), chi2: float = 1.0) -> Any:
     law = SimpleNamespace(
         candidates=(), faults=faults, chi2=chi2, residuals=found, score=chi2 * 3 * SAMPLES
     )
-    operator = SimpleNamespace(sensors=SENSORS)
-    model = SimpleNamespace(sensors=SimpleNamespace(operator=operator))
-    noise = SimpleNamespace(std=torch.full((found.shape[1],), SIGMA, dtype=torch.float64))
+    columns = found.shape[1]
+    block = SimpleNamespace(
+        operator=SimpleNamespace(sensors=SENSORS),
+        columns_of=lambda column: range(column, columns, len(SENSORS)),
+    )
+    model = SimpleNamespace(sensors=block)
+    std = torch.full((columns,), SIGMA, dtype=torch.float64)
+    noise = NoiseModel(std, torch.zeros_like(std), torch.ones(found.shape, dtype=torch.bool))
     return SimpleNamespace(law=law, objective=SimpleNamespace(forward_model=model, noise=noise))
 
 
@@ -52,3 +59,11 @@ def test_missing_readings_do_not_count() -> None:
     left = residuals((0, 200, 0))
     left[:, 1] = torch.nan
     assert is_seen_by_one_sensor(fit(residuals((0, 0, 0))), [fit(left, ("a",))])
+
+
+def test_readings_of_larger_noise_count_less() -> None:
+    source, fault = fit(residuals((0, 0, 0))), fit(residuals((40.0, 1.5 * SEEN, 0.0)), ("a",))
+    assert not is_seen_by_one_sensor(source, [fault])
+    noise = fault.objective.noise
+    fault.objective.noise = replace(noise, relative=torch.full((SAMPLES, 3), 2.0))
+    assert is_seen_by_one_sensor(source, [fault])
