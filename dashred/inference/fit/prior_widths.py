@@ -71,7 +71,10 @@ def _evidence_by_width(problem: ProfiledProblem, present: Tensor, widths: Tensor
     gram, target = problem.gram, problem.target
     scaled = present[:, None] * gram * present
     eye = torch.eye(len(present), dtype=gram.dtype)
-    covariance = torch.linalg.inv(eye + scaled) * present[:, None] * present
+    inverse, is_singular = torch.linalg.inv_ex(eye + scaled)
+    if is_singular:  # Columns of a run that nearly diverges are beyond the range of floats.
+        return torch.full_like(widths, math.nan)
+    covariance = inverse * present[:, None] * present
     size = gram.diagonal() - ((gram @ covariance) * gram).sum(dim=1)
     match = target - gram @ (covariance @ target)
     # Without the candidate itself among the fitted ones.

@@ -1,5 +1,6 @@
 """The findings in two sentences, for a reader who knows the system but not the statistics."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -49,6 +50,9 @@ def headline(findings: Mapping[str, Any], mostly: Sequence[str] = ()) -> str:
 def gain(findings: Mapping[str, Any]) -> tuple[str, float] | None:
     """Return the first held-out data there are, and the factor by which the error decreases.
 
+    The factor is infinite if the run without the correction diverges, and 0 if the corrected one
+    does; data for which both diverge are passed over.
+
     For a law that is not confirmed they are the first data that contradict it. For a faulty sensor
     they are not the test sensors, which have no fault. In a chaotic system a law is compared with
     the simulation over the times that can be predicted.
@@ -69,7 +73,9 @@ def gain(findings: Mapping[str, Any]) -> tuple[str, float] | None:
                 before, after = law["before"], law["after"]
         if contradicted and not compared.get(key, {}).get("worse"):
             continue
-        if before is not None and after is not None and before > 0 and after > 0:
+        if before is None or after is None or not (before > 0 and after > 0):
+            continue
+        if math.isfinite(before) or math.isfinite(after):
             return key, before / after
     return None
 
@@ -159,6 +165,9 @@ def _improvement(findings: Mapping[str, Any]) -> str | None:
     if found is None:
         return None
     key, ratio = found
+    if ratio in (0, math.inf):
+        how = "without" if ratio else "with"
+        return f"{how} this correction the simulation diverges {PLACES[key].rstrip(',')}"
     change = "unchanged"
     if ratio >= SAME:
         change = f"{_times(ratio)} smaller"

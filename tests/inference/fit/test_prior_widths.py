@@ -93,5 +93,12 @@ def test_columns_that_are_not_finite_widen_nothing() -> None:
     assert torch.equal(widen_by_evidence(problem, FIRST, UNLIMITED), FIRST)
 
 
+def test_columns_beyond_the_range_of_floats_widen_nothing() -> None:
+    """Beside 1e30 the identity is lost, and equal columns make the matrix singular."""
+    problem, _ = profiled({2: 3.0})
+    problem.gram[:] = 1e30
+    assert torch.equal(widen_by_evidence(problem, FIRST, UNLIMITED), FIRST)
+
+
 def test_the_penalty_grows_with_the_number_of_candidates() -> None:
     assert width_penalty(1) == width_penalty(2) < width_penalty(30)

@@ -1,5 +1,6 @@
 """What the texts claim: only what held-out data support, and no p-values."""
 
+import math
 from typing import Any
 
 import pytest
@@ -186,6 +187,21 @@ def test_a_factor_is_against_the_better_of_both_starts() -> None:
         "the simulation from its best start, 0.21 for the corrected simulation: 2 times smaller."
     )
     assert headline(law).endswith("at sensors not used in any fit is 2 times smaller.")
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "told"),
+    [
+        (math.inf, 0.2, "Without this correction the simulation diverges in the held-out time."),
+        (0.4, math.inf, "With this correction the simulation diverges in the held-out time."),
+        (math.inf, math.inf, "leaves out cubic damping of u."),
+    ],
+)
+def test_a_run_that_diverges_has_no_factor(before: float, after: float, told: str) -> None:
+    law = found(verdict="missing-term")
+    law["fit"]["test_sensors"] = errors_by_method()
+    law["fit"]["heldout_time"] = errors_by_method(simulation_refit=before, corrected=after)
+    assert headline(law).endswith(told)
 
 
 def test_where_a_sensor_is_the_correction_the_headline_tells_the_gain() -> None:
