@@ -176,7 +176,7 @@ def test_only_they_name_the_files_of_the_truth(word: str) -> None:
 
 def run_without_the_truth(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     """Analyse in the proof's copy of the package, which has no trace of the twins."""
-    from dashred.evaluation.proof.isolation import isolated_copy
+    from dashred.evaluation.isolation.worker import isolated_copy
 
     copy = isolated_copy(folder / "tree")
     # An editable install finds the checkout's own modules for whatever the copy lacks.

@@ -2,7 +2,8 @@
 
 All analyses share the imports and the compiled kernels. Each line of stdin is a JSON object with
 the arguments of one analysis and its log file: ``{"words": [...], "log": FILE}``. The worker
-answers it with a JSON object on stdout: ``{"code": 0, "cpu_seconds": 61.2}``.
+answers it with a JSON object on stdout: ``{"code": 0, "cpu_seconds": 61.2}``. At the end of stdin
+it exits at once, also from an analysis: nobody is left who waits for the answer.
 """
 
 from __future__ import annotations
@@ -14,21 +15,32 @@ import time
 import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from queue import SimpleQueue
+from threading import Thread
+from typing import NoReturn
 
 from dashred.core.errors import DONE, OUR_FAILURE, WRONG_INPUT, InputError, run_entry
 
 
-def main(argv: list[str]) -> int:
+def main(argv: list[str]) -> NoReturn:
     """Answer every line of stdin."""
     with os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8") as answers:
-        for line in sys.stdin:
-            request = json.loads(line)
+        lines: SimpleQueue[str] = SimpleQueue()
+        Thread(target=_read, args=(lines,), daemon=True).start()
+        while True:
+            request = json.loads(lines.get())
             started = time.process_time()
             with _print_to(request["log"]):
                 code = _analyse(request["words"])
             spent = round(time.process_time() - started, 2)
             print(json.dumps({"code": code, "cpu_seconds": spent}), file=answers, flush=True)
-    return DONE
+
+
+def _read(lines: SimpleQueue[str]) -> None:
+    """Pass on the lines of stdin; end the process with the last one."""
+    for line in sys.stdin:
+        lines.put(line)
+    os._exit(DONE)
 
 
 def _analyse(words: Sequence[str]) -> int:

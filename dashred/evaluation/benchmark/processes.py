@@ -7,26 +7,16 @@ import signal
 import subprocess
 import sys
 import time
-from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from threading import Event, Lock
 
 from dashred.evaluation.benchmark.plan import Row
+from dashred.evaluation.side_by_side import run_all
 from dashred.pipeline.run.output_dir import make_output
 
-POLL_SECONDS = 0.1
 GRACE_SECONDS = 15.0
 LOG = "log.txt"
-
-
-@dataclass(frozen=True)
-class Running:
-    """A row and its process, which leads its own process group."""
-
-    row: Row
-    process: subprocess.Popen[bytes]
-    started: float
 
 
 def train_command(words: Sequence[str]) -> list[str]:
@@ -50,44 +40,49 @@ def run_rows(
         log: name of the log file in the folder of a row.
         finished: called with the row, its exit code and its seconds.
     """
-    waiting = deque(rows)
-    running: list[Running] = []
-    try:
-        while waiting or running:
-            while waiting and len(running) < jobs:
-                row = waiting.popleft()
-                running.append(_start(row, command(row), log))
-            ended = [task for task in running if task.process.poll() is not None]
-            for task in ended:
-                running.remove(task)
-                finished(task.row, task.process.returncode, time.perf_counter() - task.started)
-            if not ended:
-                time.sleep(POLL_SECONDS)
-    finally:
-        _stop(running)
+    processes = _Processes()
+
+    def run(row: Row) -> tuple[Row, int, float]:
+        began = time.perf_counter()
+        return row, processes.run(row, command(row), log), time.perf_counter() - began
+
+    run_all(run, rows, jobs, lambda ended: finished(*ended), processes.stop)
 
 
-def _start(row: Row, command: list[str], log: str) -> Running:
-    make_output(str(row.folder))
-    with (row.folder / log).open("wb") as file:
-        process = subprocess.Popen(
-            command,
-            stdin=subprocess.DEVNULL,
-            stdout=file,
-            stderr=subprocess.STDOUT,
-            # In its own process group, so that Ctrl-C reaches it only through this process.
-            start_new_session=True,
-        )
-    return Running(row, process, time.perf_counter())
+class _Processes:
+    """The running processes, each of which leads its own process group."""
 
+    def __init__(self) -> None:
+        self._lock, self._stopped = Lock(), Event()
+        self._running: list[subprocess.Popen[bytes]] = []
 
-def _stop(running: Sequence[Running]) -> None:
-    """Stop the running process groups by SIGINT, then SIGTERM, then SIGKILL."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
-        for task in running:
-            with suppress(ProcessLookupError):
-                os.killpg(task.process.pid, number)
-        deadline = time.perf_counter() + GRACE_SECONDS
-        for task in running:
-            with suppress(subprocess.TimeoutExpired):
-                task.process.wait(max(0.0, deadline - time.perf_counter()))
+    def run(self, row: Row, command: list[str], log: str) -> int:
+        """Run a process to its end and return its exit code."""
+        make_output(str(row.folder))
+        with (row.folder / log).open("wb") as file, self._lock:
+            if self._stopped.is_set():
+                return -signal.SIGINT
+            process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=file,
+                stderr=subprocess.STDOUT,
+                # In its own process group, so that Ctrl-C reaches it only through this process.
+                start_new_session=True,
+            )
+            self._running.append(process)
+        return process.wait()
+
+    def stop(self) -> None:
+        """Stop the running process groups by SIGINT, then SIGTERM, then SIGKILL."""
+        with self._lock:
+            self._stopped.set()
+        running = [process for process in self._running if process.poll() is None]
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            for process in running:
+                with suppress(ProcessLookupError):
+                    os.killpg(process.pid, number)
+            deadline = time.perf_counter() + GRACE_SECONDS
+            for process in running:
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(max(0.0, deadline - time.perf_counter()))

@@ -14,6 +14,7 @@ from dashred.core.argument_types import (
     read_number,
 )
 from dashred.core.arguments import COMMAND_LINE, HELP_FLAGS, Command, argument
+from dashred.core.cluster.word import EXAMPLES, HELP, Cluster, read_cluster
 from dashred.core.errors import InputError, nearest
 from dashred.evaluation.foreign.cases.case import COLLECTIONS
 from dashred.evaluation.foreign.protocol import commit_of_tag
@@ -83,6 +84,7 @@ class Arguments:
         "cases at once, each on one core",
         default="1",
     )
+    cluster: Cluster | None = argument(read_cluster, EXAMPLES, HELP, default=None)
     limit: int = argument(
         integer_reader(at_least=1, at_most=MAX_COUNT),
         "900",
@@ -129,6 +131,7 @@ class Request:
     collections: tuple[str, ...]
     cases: tuple[str, ...] | None
     jobs: int
+    cluster: Cluster | None
     limit: int
     peer_limit: int
     output: Path
@@ -192,6 +195,7 @@ def read_words(argv: list[str]) -> Request:
         collections=words.collections,
         cases=words.cases,
         jobs=words.jobs,
+        cluster=words.cluster,
         limit=words.limit,
         peer_limit=words.peer_limit,
         output=words.output or results_root() / BENCHMARK / folder_name(name),

@@ -10,8 +10,8 @@ from dashred.core.errors import InputError
 from dashred.evaluation.foreign.cases.case import Case, Collection, Kind
 from dashred.evaluation.foreign.cases.field_equations import FIELD_EQUATIONS
 from dashred.evaluation.foreign.cases.mechanisms import MECHANISMS
+from dashred.evaluation.isolation.worker import CHECKOUT
 from dashred.evaluation.proof.cases.draw import seed_of
-from dashred.evaluation.proof.isolation import CHECKOUT
 
 # What is hidden in the draws of one system, in order. Every second source pulsates.
 FIELD_KINDS: tuple[Kind, ...] = (

@@ -14,12 +14,12 @@ from dashred.config import load_config
 from dashred.core.errors import DONE
 from dashred.core.job_control import last_line, lock_folder, signals_as_interrupt
 from dashred.core.progress import CONSOLE
+from dashred.evaluation.isolation.worker import WorkerLostError, isolated_copy, worker
 from dashred.evaluation.programs import bundled_steps
 from dashred.evaluation.programs.arguments import BENCHMARK, Request
 from dashred.evaluation.programs.hidden_equations import STEPS, hide_equations
 from dashred.evaluation.programs.rows import Answer, Case, Row, cases_of, is_done, write_row
 from dashred.evaluation.programs.score_answer import score_answer
-from dashred.evaluation.proof.isolation import WorkerLostError, isolated_copy, worker
 from dashred.evaluation.twins.record_command import record
 from dashred.evaluation.twins.sealing import Truth, open_seal
 from dashred.pipeline.run.output_dir import make_output

@@ -8,7 +8,7 @@ from pathlib import Path
 from dashred.core.errors import DONE, InputError
 from dashred.core.findings.findings import check_freeze
 from dashred.core.templates import render
-from dashred.evaluation.proof.isolation import LIMIT, isolated_copy, worker
+from dashred.evaluation.isolation.worker import LIMIT, isolated_copy, worker
 from dashred.evaluation.twins.findings_reader import read_findings
 from dashred.pipeline.run.output_dir import make_output
 from dashred.reporting.text.verdict import verdict_lines

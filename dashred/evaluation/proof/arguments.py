@@ -10,9 +10,10 @@ from pathlib import Path
 from dashred.config.bundled_systems import check_checkout, results_root
 from dashred.core.argument_types import integer_reader, read_absolute_path
 from dashred.core.arguments import COMMAND_LINE, Command, argument, key_value_pairs
+from dashred.core.cluster.word import EXAMPLES, HELP, Cluster, read_cluster
 from dashred.core.errors import InputError
+from dashred.evaluation.isolation.worker import CHECKOUT
 from dashred.evaluation.proof.cases.draw_file import read_draw
-from dashred.evaluation.proof.isolation import CHECKOUT
 from dashred.evaluation.proof.request import Request
 
 DRAW_KEYS = ("cases", "nulls", "jobs", "output", "draw")
@@ -41,6 +42,7 @@ class Arguments:
         "cases at once, each on one core",
         default="1",
     )
+    cluster: Cluster | None = argument(read_cluster, EXAMPLES, HELP, default=None)
     output: Path | None = argument(
         read_absolute_path,
         "DIR",
@@ -113,6 +115,7 @@ def read_words(argv: list[str]) -> Request:
         pendulum=words.pendulum,
         draw=draw,
         practice=words.draw is not None,
+        cluster=words.cluster,
     )
 
 

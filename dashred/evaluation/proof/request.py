@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from dashred.core.cluster.word import Cluster
+
 
 @dataclass(frozen=True)
 class Request:
@@ -19,6 +21,7 @@ class Request:
         pendulum: recording of a real pendulum; None for no appendix.
         draw: text from which the seed is derived.
         practice: whether the text is not the hash of the commit.
+        cluster: where the analyses run; None for this machine.
         scored_by: commit that rescores an existing draw; None for a new draw.
     """
 
@@ -30,4 +33,5 @@ class Request:
     pendulum: Path | None
     draw: str
     practice: bool
+    cluster: Cluster | None = None
     scored_by: str | None = None

@@ -6,18 +6,21 @@ import shutil
 import tempfile
 import time
 import traceback
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
-from queue import Empty, SimpleQueue
-from threading import Event, Lock
+from threading import Lock
 
 import torch
 
-from dashred.core.errors import DONE
 from dashred.core.findings.findings import check_freeze
-from dashred.core.job_control import last_line, lock_folder, signals_as_interrupt
+from dashred.core.job_control import lock_folder, signals_as_interrupt
 from dashred.core.progress import CONSOLE
+from dashred.evaluation.isolation.analysis import FOUND, GIVEN, LOG, Analysis
+from dashred.evaluation.isolation.analysts import (
+    Analysts,
+    NotAnsweredError,
+    open_analysts,
+)
+from dashred.evaluation.isolation.worker import LIMIT
 from dashred.evaluation.proof.cases.case_record import CaseRecord
 from dashred.evaluation.proof.cases.case_store import (
     RECORDING,
@@ -30,15 +33,13 @@ from dashred.evaluation.proof.cases.descriptions import describe_outcome
 from dashred.evaluation.proof.cases.draw import Case, draw_cases, seed_of
 from dashred.evaluation.proof.cases.draw_file import write_draw
 from dashred.evaluation.proof.cases.record_case import RecordedCase, record_case
-from dashred.evaluation.proof.isolation import LIMIT, Worker, WorkerLostError, isolated_copy, worker
 from dashred.evaluation.proof.request import Request
 from dashred.evaluation.proof.scoring.judge import empty_record
 from dashred.evaluation.proof.scoring.score_case import score_case
+from dashred.evaluation.side_by_side import run_all
 from dashred.evaluation.twins.seal_store import SEALED
 from dashred.evaluation.twins.sealing import seal
 from dashred.pipeline.run.output_dir import make_output
-
-LOG = "log.txt"
 
 
 def run_proof(request: Request) -> list[StoredCase]:
@@ -56,53 +57,22 @@ def _run(request: Request, output: Path) -> list[StoredCase]:
     waiting = [case for case in cases if str(case) not in stored]
     _print(f"{len(cases)} cases, {len(stored)} of them already finished, in {output}")
     if waiting:
-        with tempfile.TemporaryDirectory(prefix="dashred-worker-") as folder:
-            runner = _Runner(request, isolated_copy(Path(folder)), stored, len(cases))
-            runner.run_all(waiting)
+        with open_analysts(request.cluster, request.jobs) as analysts:
+            runner = _Runner(request, analysts, stored, len(cases))
+            run_all(runner.run, waiting, analysts.count, runner.print_line, analysts.stop)
     return [stored[str(case)] for case in cases]
 
 
 class _Runner:
-    """Passes cases to workers and scores their findings, one at a time, in this process."""
+    """Records cases, has them analysed, and scores the findings, one at a time."""
 
     def __init__(
-        self, request: Request, copy: Path, stored: dict[str, StoredCase], total: int
+        self, request: Request, analysts: Analysts, stored: dict[str, StoredCase], total: int
     ) -> None:
-        self.request, self.copy, self.stored, self.total = request, copy, stored, total
-        self.lock, self.stopped = Lock(), Event()
-        self.workers: set[Worker] = set()
+        self.request, self.analysts, self.stored, self.total = request, analysts, stored, total
+        self.lock = Lock()
 
-    def run_all(self, waiting: Sequence[Case]) -> None:
-        """Run all cases, several in parallel."""
-        queue: SimpleQueue[Case] = SimpleQueue()
-        for case in waiting:
-            queue.put(case)
-        jobs = min(self.request.jobs, len(waiting))
-        with ThreadPoolExecutor(jobs) as pool:
-            working = [pool.submit(self._work_on, queue) for _ in range(jobs)]
-            try:
-                for done in as_completed(working):
-                    done.result()
-            except BaseException:
-                # The pool waits for its threads, and the threads wait for their workers.
-                self.stopped.set()
-                for current in list(self.workers):
-                    current.process.kill()
-                raise
-
-    def _work_on(self, queue: SimpleQueue[Case]) -> None:
-        while not (queue.empty() or self.stopped.is_set()):
-            with worker(self.copy) as current:
-                self.workers.add(current)
-                try:
-                    while not self.stopped.is_set():
-                        self._run_case(queue.get_nowait(), current)
-                except (WorkerLostError, Empty):
-                    continue
-                finally:
-                    self.workers.discard(current)
-
-    def _run_case(self, case: Case, current: Worker) -> None:
+    def run(self, case: Case) -> Case:
         """Run one case and store its record, which includes any failure."""
         started = time.perf_counter()
         # An earlier attempt may have opened the seal of this case.
@@ -113,22 +83,32 @@ class _Runner:
             try:
                 with self.lock:
                     recorded = record_case(case, work_dir / RECORDING)
-                words = self._arguments(recorded.case, work_dir)
-                code, seconds = current.analyse(words, work_dir / LOG, LIMIT)
-                if code == DONE:
-                    record = self._score(recorded, work_dir, seconds)
+                answer = self.analysts.analyse(_analysis(recorded.case, work_dir / RECORDING))
+                answer.write(work_dir, work_dir / LOG)
+                if answer.problem is None:
+                    record = self._score(recorded, work_dir, answer.seconds)
                 else:
-                    problem = last_line(work_dir / LOG) or f"exit code {code}"
-            except WorkerLostError as lost:
-                if not self.stopped.is_set():
-                    record = empty_record(case, None, f"the worker died: {lost}")
-                    self._store(case, recorded, record, work_dir, started)
+                    problem = answer.problem
+            except NotAnsweredError:
                 raise
             except Exception as error:  # One failure must not stop the other cases.
                 (work_dir / "problem.txt").write_text(traceback.format_exc(), encoding="utf-8")
                 problem = f"{type(error).__name__}: {error}"
             record = record or empty_record(case, None, problem)
-            self._store(case, recorded, record, work_dir, started)
+            wall = time.perf_counter() - started
+            shutil.copytree(work_dir, folder_of(case, self.request.output))
+        stored = StoredCase(record, wall, 1 if recorded is None else recorded.draws)
+        store_case(case, self.request.output, stored)
+        self.stored[str(case)] = stored
+        return case
+
+    def print_line(self, case: Case) -> None:
+        """Print how a case has ended."""
+        done = self.stored[str(case)]
+        _print(
+            f"[{len(self.stored)}/{self.total}] {case} {case.system} {case.kind}: "
+            f"{describe_outcome(done.record)}; {done.wall:.0f} s"
+        )
 
     def _score(self, recorded: RecordedCase, work_dir: Path, seconds: float) -> CaseRecord:
         """Seal the truth of a case with frozen findings, open it, and score them."""
@@ -137,39 +117,19 @@ class _Runner:
             seal(work_dir / SEALED, recorded.case_truth.truth, recorded.case_truth.system)
             return score_case(recorded, work_dir, seconds)
 
-    def _arguments(self, case: Case, work_dir: Path) -> list[str]:
-        """Return the arguments of the analysis: of the case only its recording.
 
-        For unresolved numerics also the grid of the simulator, which the user chooses.
-        """
-        return [
-            f"conf={case.system}",
-            *case.analysis_words,
-            f"recording.path={work_dir / RECORDING}",
-            f"output={work_dir}",
-            f"tracking.root={self.copy / 'mlruns'}",
-            "tracking.experiment=analysis",
-            "tracking.model=false",
-        ]
+def _analysis(case: Case, recording: Path) -> Analysis:
+    """Return the analysis of a case: it is told its recording alone.
 
-    def _store(
-        self,
-        case: Case,
-        recorded: RecordedCase | None,
-        record: CaseRecord,
-        work_dir: Path,
-        started: float,
-    ) -> None:
-        """Copy the files of a case to the output folder, which workers cannot access."""
-        wall = time.perf_counter() - started
-        shutil.copytree(work_dir, folder_of(case, self.request.output))
-        stored = StoredCase(record, wall, 1 if recorded is None else recorded.draws)
-        store_case(case, self.request.output, stored)
-        self.stored[str(case)] = stored
-        _print(
-            f"[{len(self.stored)}/{self.total}] {case} {case.system} {case.kind}: "
-            f"{describe_outcome(record)}; {wall:.0f} s"
-        )
+    For unresolved numerics also the grid of the simulator, which the user chooses.
+    """
+    words = (
+        f"conf={case.system}",
+        *case.analysis_words,
+        f"recording.path={GIVEN}/{RECORDING}",
+        f"output={FOUND}",
+    )
+    return Analysis({RECORDING: recording.read_bytes()}, words, LIMIT)
 
 
 def _print(text: str) -> None:

@@ -19,7 +19,7 @@ from dashred.evaluation.foreign.cases.case import Case, MadeCase
 from dashred.evaluation.foreign.document import write_document
 from dashred.evaluation.foreign.make_case import make_case
 from dashred.evaluation.foreign.rows import PeerRow
-from dashred.evaluation.proof.isolation import Worker, WorkerLostError
+from dashred.evaluation.isolation.worker import Worker, WorkerLostError
 from tests.evaluation.foreign.invented import findings_of, term
 
 CASE = Case("mechanics", "dry_friction", "term", 0, 0.02, 11)

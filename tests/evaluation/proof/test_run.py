@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 
 from dashred.core.errors import InputError
+from dashred.evaluation.isolation.worker import Worker, WorkerLostError
 from dashred.evaluation.proof import run as proof
 from dashred.evaluation.proof.arguments import read_words
 from dashred.evaluation.proof.cases import case_store
 from dashred.evaluation.proof.cases.draw import draw_cases, seed_of
-from dashred.evaluation.proof.isolation import Worker, WorkerLostError
 from dashred.evaluation.proof.request import Request
 from dashred.evaluation.proof.scoring.rescore import rescore
 from tests.evaluation.proof.invented import case as record_of
@@ -130,8 +130,8 @@ def test_an_analysis_finds_its_recording_and_nothing_else(tmp_path, monkeypatch)
     seen: list[list[str]] = []
 
     def analyse(self: Worker, words: list[str], log: Path, limit: float) -> tuple[int, float]:
-        folder = next(Path(w.partition("=")[2]) for w in words if w.startswith("output="))
-        seen.append(sorted(path.name for path in folder.iterdir()))
+        path = next(Path(w.partition("=")[2]) for w in words if w.startswith("recording.path="))
+        seen.append(sorted(file.name for file in path.parent.iterdir()))
         assert not list(tmp_path.rglob("sealed.nc"))
         log.write_text("failed\n")
         return 1, 0.5

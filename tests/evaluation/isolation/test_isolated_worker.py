@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 from pathlib import Path
 
 import pytest
 
-from dashred.evaluation.proof.isolation import (
+from dashred.evaluation.isolation.worker import (
     WorkerLostError,
     isolated_copy,
     isolated_python,
@@ -63,3 +64,15 @@ def test_a_worker_that_dies_is_distinguished_from_one_that_fails(copy, tmp_path)
         mine.process.wait()
         with pytest.raises(WorkerLostError):
             mine.analyse(["conf=fhn"], tmp_path / "log.txt", 100.0)
+
+
+def test_an_analysis_ends_when_nobody_waits_for_it(copy, tmp_path) -> None:
+    """As after the death of a cluster's worker, whose processes nobody stops."""
+    recording = tmp_path / "recording.csv"
+    recording.write_text("time,u\n")
+    with worker(copy) as mine:
+        assert mine.process.stdin is not None
+        request = {"words": ["conf=fhn", f"recording.path={recording}"], "log": "/dev/null"}
+        mine.process.stdin.write(json.dumps(request) + "\n")
+        mine.process.stdin.close()
+        assert mine.process.wait(timeout=60) == 0

@@ -1,0 +1,1 @@
+"""Run tasks on other processes or machines with Dask."""

@@ -1,0 +1,1 @@
+"""Analyse recordings in processes that cannot access a truth, here or on a cluster."""
