@@ -25,6 +25,13 @@ FIGURES = {
     "verification.png",
     "where.png",
 }
+# Work of the quick twin experiment, which dashred.core.work counts.
+WORK = {
+    "trajectory steps": 25_645,
+    "trajectory values": 826_120,
+    "column steps": 111_237,
+    "column values": 3_559_536,
+}
 COARSE = ("system.parameters.nu=0.04", "system.axes.x.points=24", "system.integrator.dt=0.02")
 
 
@@ -88,6 +95,14 @@ def test_the_store_holds_one_finished_run_with_its_stages(twin_run) -> None:
     } <= metrics
     filed = twin_run.root / "artifacts" / parent / "artifacts" / "findings.json"
     assert filed.read_bytes() == twin_run.read("findings.json")
+
+
+def test_the_analysis_does_no_more_work_than_before(twin_run) -> None:
+    """A change that needs more steps or columns shows here on any machine; lower a bound freely."""
+    work = json.loads(twin_run.read("run.json"))["work"]
+    assert set(work) == set(WORK)
+    more = {kind: count for kind, count in work.items() if count > 1.15 * WORK[kind]}
+    assert not more, (more, WORK)
 
 
 def test_findings_hold_no_clock_no_place_and_no_truth(twin_run) -> None:

@@ -14,6 +14,7 @@ from functools import cached_property, partial
 import torch
 from torch import Tensor
 
+from dashred.core.work import count_columns, count_trajectories
 from dashred.inference.forward.candidates import Candidate, build_forcing
 from dashred.physics.cells.compiled import CompiledCells
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
@@ -21,6 +22,7 @@ from dashred.physics.solvers.batch_coefficients import CoefficientLayout
 from dashred.physics.solvers.compiled.etdrk4 import CompiledETDRK4
 from dashred.physics.solvers.compiled_simulator import CompiledSystem, compile_system
 from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.solvers.schedule import count_steps
 from dashred.physics.system import System, Term
 from dashred.physics.tangents.cell_tangents import has_cell_tangents, tangent_cells
 from dashred.physics.tangents.compiled_trajectory import CompiledTrajectory
@@ -143,6 +145,8 @@ class CandidateSimulator:
             weights: weights of each row, from :meth:`weights`.
             forcing: forcing of each row; None without one.
         """
+        steps = count_steps(times.tolist(), self.system.dt)
+        count_trajectories(len(start), steps, start[0].numel())
         return self._run(start, times, weights, forcing)
 
     def tangents(
@@ -161,6 +165,8 @@ class CandidateSimulator:
         The columns are the directions of the start, the sources and the amplitudes of the forcing.
         See :meth:`.simulator.Simulator.tangents`.
         """
+        columns = len(directions) + len(sources) + (forcing_basis.count if forcing_basis else 0)
+        count_columns(columns, count_steps(times.tolist(), self.tangent.dt), start.numel())
         base = self.tangent, start, directions, times, forcing, sources
         if self.system.program is not None:
             return tangent_program(*base, sampled_forcing, forcing_basis)

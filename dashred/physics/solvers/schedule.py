@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import NamedTuple
@@ -16,6 +17,8 @@ Array = NDArray[np.float64]
 # A jump closer to another stop than this share of the time step is no stop of its own.
 APART = 1e-3
 NO_JUMPS: Array = np.zeros(0)
+# A ratio may exceed a whole number by this rounding error.
+TOLERANCE = 1e-6
 
 
 class Step(NamedTuple):
@@ -51,6 +54,16 @@ def schedule(times: Sequence[float], dt: float, jumps: Array = NO_JUMPS) -> Iter
                 yield Step(t, h, begins, ends, t + inside, t + h - inside)
 
 
+def count_steps(times: Sequence[float], dt: float) -> int:
+    """Return the number of steps of a schedule, without those that jumps of inputs add.
+
+    A time step that is NaN, as for adaptive methods, counts one step between output times.
+    """
+    if math.isnan(dt):
+        return len(times) - 1
+    return int(np.maximum(1, np.ceil(np.diff(times) / dt - TOLERANCE)).sum())
+
+
 def stops_between(begin: float, end: float, dt: float, jumps: Array) -> list[float]:
     """Return the ends of an interval, and the jumps between them.
 
@@ -73,4 +86,4 @@ def stops_between(begin: float, end: float, dt: float, jumps: Array) -> list[flo
 
 def round_up(ratio: float) -> int:
     """Round up to a whole number of steps, tolerating rounding errors: 15.0000001 → 15."""
-    return int(-(-(ratio - 1e-6) // 1))
+    return int(-(-(ratio - TOLERANCE) // 1))

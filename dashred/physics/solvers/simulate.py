@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from dashred.core.errors import InputError
+from dashred.core.work import count_trajectories
 from dashred.physics.cells.integrate import integrate_cells
 from dashred.physics.expressions.semilinear import NotSemilinearError
 from dashred.physics.external.failure import hint_of_failure
@@ -18,7 +19,7 @@ from dashred.physics.solvers.adaptive import integrate_adaptive
 from dashred.physics.solvers.etdrk4 import StepperCache
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.rhs import GridTendency, SpectralTendency
-from dashred.physics.solvers.schedule import schedule
+from dashred.physics.solvers.schedule import count_steps, schedule
 from dashred.physics.solvers.splitting import AddedFlow, integrate_split
 from dashred.physics.system import System
 
@@ -59,6 +60,7 @@ def simulate(
         A trajectory does not depend on the others in its batch, up to rounding errors. Adaptive
         methods (ODEs) choose their steps for the whole batch, so there it does up to the tolerance.
     """
+    count_trajectories(len(start), count_steps(times.tolist(), system.dt), start[0].numel())
     if _should_compile(system, start, times, forcing, repeats):
         from dashred.physics.solvers.compiled.etdrk4 import integrate_etdrk4
         from dashred.physics.solvers.compiled.runge_kutta import integrate_runge_kutta

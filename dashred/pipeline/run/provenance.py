@@ -19,6 +19,7 @@ from dashred.core.findings.findings import sha256_of, write_json_atomic
 from dashred.core.findings.schema import Findings
 from dashred.core.mlflow.tracker import Tracker
 from dashred.core.threads import use_threads
+from dashred.core.work import work_done
 from dashred.models.device import check_device
 from dashred.pipeline.run.output_dir import results_in
 from dashred.pipeline.run.run_manifest import FROZEN
@@ -73,9 +74,10 @@ def git_commit() -> str:
 
 
 def write_record(output: Path, seconds: dict[str, float], more: Mapping[str, str]) -> None:
-    """Write ``run.json``: the seconds of the stages, the host and the commit."""
+    """Write ``run.json``: the seconds of the stages, the work, the host and the commit."""
     record = {
         "seconds": {title: float(f"{value:.3g}") for title, value in seconds.items()},
+        "work": work_done(),
         "host": platform.node(),
         "git_commit": git_commit(),
         **more,

@@ -1,0 +1,39 @@
+"""Count the work of a process, which tells what an analysis costs on any machine.
+
+Seconds depend on the machine and on what else runs there. The counts do not, so a test can compare
+them with those of an earlier version of the code.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+
+# Time steps of trajectories, and of columns of Jacobians: derivatives of a trajectory.
+TRAJECTORY_STEPS, COLUMN_STEPS = "trajectory steps", "column steps"
+# The same, times the number of values of a state.
+TRAJECTORY_VALUES, COLUMN_VALUES = "trajectory values", "column values"
+
+_done: Counter[str] = Counter()
+
+
+def count_trajectories(rows: int, steps: int, values: int) -> None:
+    """Count trajectories.
+
+    Args:
+        rows: number of trajectories.
+        steps: time steps of each.
+        values: number of values of a state.
+    """
+    _done[TRAJECTORY_STEPS] += rows * steps
+    _done[TRAJECTORY_VALUES] += rows * steps * values
+
+
+def count_columns(columns: int, steps: int, values: int) -> None:
+    """Count columns of a Jacobian; see :func:`count_trajectories`."""
+    _done[COLUMN_STEPS] += columns * steps
+    _done[COLUMN_VALUES] += columns * steps * values
+
+
+def work_done() -> dict[str, int]:
+    """Return the counts since the start of the process."""
+    return dict(_done)
