@@ -80,7 +80,7 @@ def _start(cluster: Cluster) -> StartedCluster:
             where=WHERE,
             hint=hint,
         ) from error
-    batch.adapt(minimum=1)
+    batch.scale(cluster.workers)
     return batch
 
 
@@ -96,16 +96,14 @@ def _checked(client: Client, cluster: Cluster) -> Client:
             hint="start one with: dask worker ADDRESS",
         ) from None
     check_workers(client)
-    link = client.dashboard_link
-    CONSOLE.print(
-        f"{thread_count(client)} workers; dashboard: {link}", markup=False, soft_wrap=True
-    )
+    text = f"{task_count(client, cluster)} analyses at once; dashboard: {client.dashboard_link}"
+    CONSOLE.print(text, markup=False, soft_wrap=True)
     return client
 
 
-def thread_count(client: Client) -> int:
-    """Return the number of tasks that the workers of a cluster run at once."""
-    return sum(client.nthreads().values())
+def task_count(client: Client, cluster: Cluster) -> int:
+    """Return the number of tasks at once; workers of a batch system may still have to start."""
+    return max(cluster.workers or 1, sum(client.nthreads().values()))
 
 
 def _not_installed(package: str, wanted: str) -> InputError:

@@ -6,15 +6,16 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
-LOCAL, SLURM, KUBERNETES = "local", "slurm", "kubernetes"
 MAX_WORKERS = 1024
 ADDRESS = re.compile(r"(tcp|tls)://[^\s:/]+:\d{1,5}\Z")
+BATCH = re.compile(r"(slurm|kubernetes):(\d{1,6})\Z", re.ASCII)
+NUMBER = re.compile(r"\d{1,6}\Z", re.ASCII)
 HELP = (
     "runs the cases on Dask workers in place of jobs=: `local` (a process for each core), a number "
-    "of processes, the address of a scheduler, `slurm` or `kubernetes`; the last two take their "
-    "settings from Dask's configuration"
+    "of processes, the address of a scheduler, or workers of a batch system, whose settings are in "
+    "Dask's configuration"
 )
-EXAMPLES = "local|N|tcp://HOST:PORT|slurm|kubernetes"
+EXAMPLES = "local|N|tcp://HOST:PORT|slurm:N|kubernetes:N"
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,8 @@ class Cluster:
 
     Attributes:
         kind: processes of this machine, the scheduler at an address, or a batch system.
-        workers: number of processes; None for as many as the kind gives by default.
+        workers: number of workers; None for a process on each core, and for a scheduler at an
+            address, whose workers are counted.
         address: address of the scheduler; empty for other kinds.
     """
 
@@ -38,16 +40,19 @@ def read_cluster(text: str) -> Cluster:
     Raises:
         ValueError: the text names no cluster.
     """
-    if text == LOCAL:
+    if text == "local":
         return Cluster("local")
-    if text == SLURM:
-        return Cluster("slurm")
-    if text == KUBERNETES:
-        return Cluster("kubernetes")
-    if re.fullmatch(r"\d{1,6}", text, re.ASCII):
-        if not 1 <= int(text) <= MAX_WORKERS:
-            raise ValueError(f"{text} is not a number of workers from 1 to {MAX_WORKERS}")
-        return Cluster("local", int(text))
+    if NUMBER.match(text):
+        return Cluster("local", _read_count(text))
     if ADDRESS.match(text):
         return Cluster("address", address=text)
+    if match := BATCH.match(text):
+        kind: Literal["slurm", "kubernetes"] = "slurm" if match[1] == "slurm" else "kubernetes"
+        return Cluster(kind, _read_count(match[2]))
     raise ValueError(f"{text!r} is not one of {EXAMPLES}")
+
+
+def _read_count(text: str) -> int:
+    if not 1 <= int(text) <= MAX_WORKERS:
+        raise ValueError(f"{text} is not a number of workers from 1 to {MAX_WORKERS}")
+    return int(text)

@@ -114,7 +114,7 @@ def open_analysts(cluster: Cluster | None, jobs: int) -> Iterator[Analysts]:
     if cluster is None:
         yield LocalAnalysts(jobs)
         return
-    from dashred.core.cluster.connection import connect, thread_count
+    from dashred.core.cluster.connection import connect, task_count
 
     with connect(cluster) as client:
-        yield ClusterAnalysts(client, thread_count(client))
+        yield ClusterAnalysts(client, task_count(client, cluster))

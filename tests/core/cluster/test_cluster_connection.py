@@ -33,7 +33,7 @@ def test_a_package_that_is_missing_is_named(kind, package, monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "dask_kubernetes.operator", None)
     with (
         pytest.raises(InputError, match=f"{package} is not installed"),
-        connection.connect(Cluster(kind)),
+        connection.connect(Cluster(kind, 2)),
     ):
         pass
 
