@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -33,6 +34,7 @@ def connect(cluster: Cluster) -> Iterator[Client]:
         from distributed import Client
     except ImportError:
         raise _not_installed("distributed", "dashred[cluster]") from None
+    _silence()
     if cluster.kind == "address":
         try:
             client = Client(cluster.address, timeout=ANSWER_SECONDS)
@@ -48,6 +50,13 @@ def connect(cluster: Cluster) -> Iterator[Client]:
     else:
         with _start(cluster) as started, Client(started) as client:
             yield _checked(client, cluster)
+
+
+def _silence() -> None:
+    """Leave the reports of lost connections, with their tracebacks, to the errors of the tasks."""
+    for name in logging.root.manager.loggerDict:
+        if name.partition(".")[0] == "distributed":
+            logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 def _start(cluster: Cluster) -> StartedCluster:
