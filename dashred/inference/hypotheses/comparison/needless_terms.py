@@ -1,6 +1,6 @@
 """Drop terms of a law that sensor faults have made needless.
 
-A term may have explained what a faulty sensor reads.
+A term may have explained what a faulty sensor reads; then the faults explain the recording alone.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def drop_needless_terms(fit: HypothesisFit, penalty: float) -> list[HypothesisFi
         penalty: penalty of one term in the score.
     """
     found: list[HypothesisFit] = []
-    while len(fit.law.candidates) > 1 and fit.law.window is None:
+    while fit.law.candidates and fit.law.window is None:
         losses = [_loss_without(fit, term) for term in range(len(fit.law.candidates))]
         least = min(losses)
         if least > penalty:
