@@ -34,6 +34,9 @@ from dashred.physics.grids.operators import (
 )
 
 
+CPU = torch.device("cpu")
+
+
 @dataclasses.dataclass(frozen=True)
 class Term:
     """One candidate term of one equation, without its coefficient: ``u**3`` in ``∂u/∂t``."""
@@ -52,6 +55,8 @@ class System(Declaration):
     Attributes:
         dt: largest time step of the integrator.
         input_signals: of the recording; a simulation needs all inputs that the configuration names.
+        device: where the trajectories of spectral fields and their derivatives are computed. All
+            other systems are integrated on the CPU.
 
     A state is float64 ``(batch, field, *grid)``; for an ODE system ``(batch, field)``.
 
@@ -64,9 +69,11 @@ class System(Declaration):
         config: schema.System,
         where: Callable[[str], str],
         input_signals: InputSignals = NO_INPUTS,
+        device: torch.device = CPU,
     ) -> None:
         super().__init__(config, where)
         self.input_signals = input_signals
+        self.device = device if self.spectral and config.simulator is None else CPU
         self.grid: Grid | Mesh = (
             Grid(tuple(_axis(n, a, where) for n, a in config.axes.items()))
             if config.nodes is None
@@ -182,7 +189,11 @@ class System(Declaration):
 
     def with_config(self, config: schema.System) -> System:
         """Return a system with another declaration and the same input signals."""
-        return System(config, self.where, self.input_signals)
+        return System(config, self.where, self.input_signals, self.device)
+
+    def with_input_signals(self, signals: InputSignals) -> System:
+        """Return the same system driven by other input signals."""
+        return System(self.config, self.where, signals, self.device)
 
     def evaluate(self, text: str, state: Tensor, t: float | Array = 0.0) -> Tensor:
         """Evaluate an expression of the system on states ``(*batch, field, *grid)``.

@@ -20,7 +20,7 @@ from dashred.physics.solvers.compiled.runge_kutta import CompiledRungeKutta
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.schedule import schedule
 from dashred.physics.solvers.simulate import is_compilation_worthwhile, simulate
-from dashred.physics.system import System, Term
+from dashred.physics.system import CPU, System, Term
 from dashred.physics.window import Shape
 
 
@@ -99,14 +99,15 @@ def compile_system(
 ) -> CompiledSystem:
     """Compile a system: spectral, finite volumes, or an ODE system with fixed steps, on the CPU.
 
-    Other systems are returned as :class:`InterpretedSystem`.
+    Other systems, and a spectral system on another device, are returned as
+    :class:`InterpretedSystem`. Terms within a window are compiled for the CPU in any case.
 
     Args:
         system: the simulator.
         terms: all terms that a trajectory may have, with lets and parameters resolved.
         shapes: the possible factors of the windows of these terms.
     """
-    if system.program is not None:
+    if system.program is not None or (system.device != CPU and not shapes):
         return InterpretedSystem(system, tuple(terms), shapes)
     if not system.axes and system.tableau is not None:
         return CompiledRungeKutta(system, terms, shapes)
