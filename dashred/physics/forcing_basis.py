@@ -127,6 +127,10 @@ class SampledForcing:
         """Return the forcing of one trajectory."""
         return replace(self, values=self.values[i : i + 1])
 
+    def rows(self, chosen: Tensor) -> SampledForcing:
+        """Return the forcing of the chosen trajectories, ``(row,)``."""
+        return replace(self, values=self.values[chosen])
+
 
 def knots_over(times: Tensor, count: int) -> Tensor:
     """Return evenly spaced knots from the earliest to the latest time, ``(knot,)``."""

@@ -195,6 +195,10 @@ class System(Declaration):
         """Return the same system driven by other input signals."""
         return System(self.config, self.where, signals, self.device)
 
+    def on(self, device: torch.device) -> System:
+        """Return the same system on another device."""
+        return System(self.config, self.where, self.input_signals, device)
+
     def evaluate(self, text: str, state: Tensor, t: float | Array = 0.0) -> Tensor:
         """Evaluate an expression of the system on states ``(*batch, field, *grid)``.
 

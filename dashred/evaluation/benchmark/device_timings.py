@@ -1,0 +1,105 @@
+"""Time the march and the columns of fields on a device beside the CPU of the same machine.
+
+``python -m dashred.evaluation.benchmark.device_timings cuda`` prints the table of
+docs/performance.md. Every figure is the shortest of a few runs, after one that compiles.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from dashred.config import load_config
+from dashred.core.threads import use_threads
+from dashred.inference.forward.candidate_simulator import CandidateSimulator
+from dashred.inference.forward.candidates import Candidate
+from dashred.physics.library import build_library, resolve
+from dashred.physics.runs.initial_state_prior import nominal_start
+from dashred.physics.solvers.forcing import Forcing
+from dashred.physics.system import CPU, System
+
+CASES = [(name, points) for name in ("ks2d", "kolmogorov", "gray_scott") for points in (64, 128, 256)]
+TRAJECTORIES, DIRECTIONS, TERMS, STEPS, RUNS = 32, 200, 3, 8, 3
+HEADER = f"{'system':<12}{'points':>8}{'columns':>9}" + "".join(
+    f"{name:>12}" for name in ("march CPU", "device", "error", "columns CPU", "device", "error")
+)
+
+
+class Timed(NamedTuple):
+    """A result and the seconds that it took."""
+
+    values: Tensor
+    seconds: float
+
+
+def main(device: torch.device) -> None:
+    """Print one line for every system and grid."""
+    use_threads(os.cpu_count() or 1)
+    torch.set_num_threads(1)
+    print(f"CPU: {os.cpu_count()} cores, {platform.processor() or platform.machine()}")
+    if device.type == "cuda":
+        print(f"device: {torch.cuda.get_device_name(device)}")
+    print(f"torch {torch.__version__}\n{HEADER}", flush=True)
+    for name, points in CASES:
+        words = [f"system.axes.{axis}.points={points}" for axis in "xy"]
+        config = load_config([f"conf={name}", *words], entry="train")
+        system = System(config.system, config.where)
+        library = resolve(system, build_library(system, config.library))
+        candidates = [Candidate(str(i), t.equation, (t,), 1.0) for i, t in enumerate(library)]
+        start = _starts(system)
+        weights = torch.zeros((TRAJECTORIES, len(library)), dtype=torch.float64)
+        weights[:, 1 : 1 + TERMS] = 1e-3
+        times = float(system.dt) * torch.tensor([0.0, STEPS / 2, STEPS]).double()
+        march, columns = [], []
+        for each in (system, system.on(device)):
+            simulator = CandidateSimulator(each, each.dt, candidates)
+            march.append(_timed(lambda s=simulator: s.run(start[:TRAJECTORIES], times, weights)))
+            columns.append(_timed(lambda s=simulator: _columns(s, start, times, weights[:1])))
+        count = DIRECTIONS + len(library)
+        print(f"{name:<12}{points:>6}^2{count:>9}{_line(*march)}{_line(*columns)}", flush=True)
+
+
+def _starts(system: System) -> Tensor:
+    """Return smooth states near the nominal start, ``(trajectory, field, *grid)``."""
+    generator = torch.Generator().manual_seed(0)
+    start = nominal_start(system)
+    noise = torch.randn((TRAJECTORIES + DIRECTIONS, *start.shape[1:]), generator=generator)
+    modes = torch.fft.rfftn(noise.double(), dim=system.grid.dims)
+    modes = modes * (system.grid.wavenumbers[0] ** 2 + system.grid.wavenumbers[1] ** 2 < 8**2)
+    smooth = torch.fft.irfftn(modes, s=system.grid.shape, dim=system.grid.dims)
+    return start + 0.01 * smooth / smooth.std()
+
+
+def _columns(simulator: CandidateSimulator, start: Tensor, times: Tensor, weights: Tensor) -> Tensor:
+    """Return the columns at some points, as sensors read them; the weights are the law's."""
+    law = Forcing(simulator.terms, weights)
+    sources = [(term,) for term in simulator.terms]
+    compiled = weights if simulator.compiled else None
+    base, directions = start[0], start[TRAJECTORIES:] - start[:1]
+    samples = simulator.tangents(base, directions, times, law, sources, None, None, compiled)
+    return torch.stack([columns[..., ::8, ::8].cpu() for _, columns in samples])
+
+
+def _timed(run: Callable[[], Tensor]) -> Timed:
+    seconds = []
+    for _ in range(1 + RUNS):
+        begin = time.perf_counter()
+        values = run()
+        seconds.append(time.perf_counter() - begin)
+    return Timed(values, min(seconds[1:]))
+
+
+def _line(ours: Timed, device: Timed) -> str:
+    error = float((ours.values - device.values).norm() / ours.values.norm())
+    return f"{ours.seconds:>12.3f}{device.seconds:>12.3f}{error:>12.1e}"
+
+
+if __name__ == "__main__":
+    main(torch.device(sys.argv[1]) if len(sys.argv) > 1 else CPU)
