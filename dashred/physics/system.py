@@ -79,6 +79,7 @@ class System(Declaration):
             if config.nodes is None
             else open_mesh(config.nodes)
         )
+        self._places: dict[torch.device, dict[str, Tensor]] = {}
         self.dt = _number(_step(config.integrator), where("system.integrator.dt"))
 
     @cached_property
@@ -237,7 +238,9 @@ class System(Declaration):
 
     def coordinates_and_inputs(self, t: float | Array, device: torch.device) -> dict[str, Value]:
         """Return the values of coordinates, time and inputs."""
-        named = {k: Value(v.to(device)) for k, v in self.grid.places.items()}
+        if device not in self._places:
+            self._places[device] = {k: v.to(device) for k, v in self.grid.places.items()}
+        named = {k: Value(v) for k, v in self._places[device].items()}
         if self.has_conditions:
             named |= {k: Value(v.to(device)) for k, v in self.extension.responses.items()}
         clock = {"t": t, **self.input_signals.at(t)}

@@ -25,7 +25,9 @@ from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import CPU, System
 
-CASES = [(name, points) for name in ("ks2d", "kolmogorov", "gray_scott") for points in (64, 128, 256)]
+CASES = [
+    (name, points) for name in ("ks2d", "kolmogorov", "gray_scott") for points in (64, 128, 256)
+]
 TRAJECTORIES, DIRECTIONS, TERMS, STEPS, RUNS = 32, 200, 3, 8, 3
 HEADER = f"{'system':<12}{'points':>8}{'columns':>9}" + "".join(
     f"{name:>12}" for name in ("march CPU", "device", "error", "columns CPU", "device", "error")
@@ -77,7 +79,9 @@ def _starts(system: System) -> Tensor:
     return start + 0.01 * smooth / smooth.std()
 
 
-def _columns(simulator: CandidateSimulator, start: Tensor, times: Tensor, weights: Tensor) -> Tensor:
+def _columns(
+    simulator: CandidateSimulator, start: Tensor, times: Tensor, weights: Tensor
+) -> Tensor:
     """Return the columns at some points, as sensors read them; the weights are the law's."""
     law = Forcing(simulator.terms, weights)
     sources = [(term,) for term in simulator.terms]

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from dashred.physics.solvers.etdrk4 import Coefficients
 from dashred.physics.system import System
-from dashred.physics.tangents.on_device.stage_data import StageData
+from dashred.physics.tangents.on_device.stage_data import ZERO_ROW, StageData
 from dashred.physics.tangents.semilinear_rhs import Modes, SemilinearTendency
 from dashred.physics.tangents.sensitivity_columns import renumber, select_columns, slopes_of
 from dashred.physics.tangents.sources import Sources
@@ -45,13 +45,20 @@ class Columns:
         self._channel_symbols = self._symbols(tendency.channel_symbols[channels])
         self._channel_equations = [tendency.channel_equations[channel] for channel in channels]
         self._couplings = [
-            (equation, field, self._symbols(symbol)) for equation, field, symbol in tendency.couplings
+            (equation, field, self._symbols(symbol))
+            for equation, field, symbol in tendency.couplings
         ]
         self._mask = self._to_device(tendency.mask).to(dtype)
-        self._drives = self._to_device(select_columns(sources.drives, chunk)).unbind(1)
-        equations, columns, which = select_columns(sources.shifts, chunk).T
-        self._shifts = self._to_device(equations), self._to_device(columns)
-        self._shift_symbols = self._symbols(sources.symbols[which])
+        # The columns of directions come first; they have no sources.
+        drives, shifts = (select_columns(each, chunk) for each in (sources.drives, sources.shifts))
+        self._first = min([len(chunk), *drives[:, 1], *shifts[:, 1]])
+        shape = len(tendency.linear), len(chunk) - self._first
+        rows = np.full(shape, ZERO_ROW)
+        rows[drives[:, 0], drives[:, 1] - self._first] = drives[:, 2]
+        symbols = np.zeros((*shape, *tendency.mask.shape), dtype=np.complex128)
+        symbols[shifts[:, 0], shifts[:, 1] - self._first] = sources.symbols[shifts[:, 2]]
+        self._rows = self._to_device(rows)
+        self._shift_symbols = self._symbols(symbols) if len(shifts) else None
 
     def in_modes(self, points: Tensor) -> Tensor:
         """Return the modes ``(field, column, *modes)`` of columns ``(field, column, *grid)``."""
@@ -84,16 +91,15 @@ class Columns:
         return self._shift(end.addcmul_(step.last, n), data, at + 3)
 
     def _shift(self, modes: Tensor, data: StageData, at: int) -> Tensor:
-        """Add what the sources change in L; every column is changed once in an equation."""
-        if len(self._shift_symbols):
-            equations, columns = self._shifts
-            added = self._shift_symbols * data.shifts[at, equations]
-            modes[equations, columns] += added
+        """Add what the sources change in L."""
+        if self._shift_symbols is not None:
+            modes[:, self._first :].addcmul_(self._shift_symbols, data.shifts[at, :, None])
         return modes
 
     def _tendency(self, modes: Tensor, data: StageData, at: int) -> Tensor:
         """Return ``N'δu + θ`` in modes."""
         n = torch.zeros_like(modes)
+        n[:, self._first :] = data.rows[at, self._rows]
         if self._channel_equations:
             hats = torch.fft.rfftn(self._channels(modes, data.slopes[:, at]), dim=self.grid.dims)
             for equation, symbol, hat in zip(
@@ -102,9 +108,6 @@ class Columns:
                 n[equation].addcmul_(symbol, hat)
         for equation, field, symbol in self._couplings:
             n[equation].addcmul_(symbol, modes[field])
-        equations, columns, rows = self._drives
-        if len(rows):
-            n[equations, columns] += data.rows[rows, at]
         return n
 
     def _channels(self, modes: Tensor, slopes: Tensor) -> Tensor:

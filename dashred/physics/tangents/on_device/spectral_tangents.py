@@ -65,7 +65,9 @@ def tangents_on_device(
     size = max(1, COLUMN_POINTS // start.numel())
     chunks = [range(i, min(i + size, count)) for i in range(0, count, size)]
     parts = [Columns(system, tendency, source_terms, chunk, dtype) for chunk in chunks]
-    columns = [part.in_modes(tangents[:, c.start : c.stop]) for part, c in zip(parts, chunks, strict=True)]
+    columns = [
+        part.in_modes(tangents[:, c.start : c.stop]) for part, c in zip(parts, chunks, strict=True)
+    ]
     modes = state
     steps = schedule(times.tolist(), system.dt, system.jumps)
     steps_at_once = max(1, POINTS_AT_ONCE // (STAGES * start[0].numel()))

@@ -17,12 +17,16 @@ from dashred.physics.tangents.semilinear_rhs import Inputs
 from dashred.physics.tangents.sources import Sources
 
 
+ZERO_ROW = -1
+"""Index of the row of zeros, for a column without a source in an equation."""
+
+
 class StageData(NamedTuple):
     """What the columns need at the stages of some steps, in the precision of the columns.
 
     Attributes:
         slopes: ∂G/∂v, ``(slope, stage, *grid)``.
-        rows: source terms of N, ``(row, stage, *modes)``.
+        rows: source terms of N, then a row of zeros, ``(stage, row, *modes)``.
         shifts: derivatives of the next stage with respect to L, ``(stage, field, *modes)``.
     """
 
@@ -55,7 +59,10 @@ class StageEvaluator:
         self._inputs = [_InputTable(system, each) for each in (inputs, sources.inputs)]
         complex_dtype, device = dtype.to_complex(), system.device
         self._channels, self._couplings = (
-            [(row, i, torch.from_numpy(symbol).to(device, complex_dtype)) for row, i, symbol in each]
+            [
+                (row, i, torch.from_numpy(symbol).to(device, complex_dtype))
+                for row, i, symbol in each
+            ]
             for each in (sources.channels, sources.couplings)
         )
         if sources.forcing_basis is not None:
@@ -94,20 +101,20 @@ class StageEvaluator:
         return torch.empty((0, count, *self.system.grid.shape), dtype=self.dtype)
 
     def _rows(self, bodies: list[Tensor], times: Array, modes: Tensor) -> Tensor:
-        """Return the rows, ``(row, stage, *modes)``."""
+        """Return the rows and the row of zeros, ``(stage, row, *modes)``."""
         modes = modes.to(self.dtype.to_complex())
-        rows = modes.new_zeros((self.sources.rows, len(modes), *modes.shape[2:]))
+        rows = modes.new_zeros((len(modes), self.sources.rows + 1, *modes.shape[2:]))
         if bodies:
             hats = torch.fft.rfftn(torch.stack(bodies), dim=self.system.grid.dims)
             for row, body, symbol in self._channels:
-                rows[row].addcmul_(hats[body], symbol)
+                rows[:, row].addcmul_(hats[body], symbol)
         for row, field, symbol in self._couplings:
-            rows[row].addcmul_(modes[:, field], symbol)
+            rows[:, row].addcmul_(modes[:, field], symbol)
         if self.sources.forcing_basis is None:
             return rows
         courses = torch.from_numpy(self.sources.forcing_basis.hats(times)).to(self._bumps)
-        basis_rows = torch.einsum("tk,c...->ckt...", courses, self._bumps).flatten(0, 1)
-        return torch.cat([rows, basis_rows])
+        basis_rows = torch.einsum("tk,c...->tck...", courses, self._bumps).flatten(1, 2)
+        return torch.cat([rows[:, :-1], basis_rows, rows[:, -1:]], dim=1)
 
 
 class _InputTable:

@@ -10,7 +10,7 @@ from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.library import resolve
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.compiled.etdrk4 import CompiledETDRK4
-from dashred.physics.solvers.compiled_simulator import InterpretedSystem, compile_system
+from dashred.physics.solvers.compiled_simulator import DeviceSystem, compile_system
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
@@ -76,7 +76,9 @@ class Case:
 
     def _terms(self, listed: list[tuple[str, str]]) -> tuple[Term, ...]:
         parse = self.system.parse
-        return resolve(self.system, [Term(e, parse(text, "test", equation=e)) for e, text in listed])
+        return resolve(
+            self.system, [Term(e, parse(text, "test", equation=e)) for e, text in listed]
+        )
 
     def arguments(self, dtype: torch.dtype, forced: SampledForcing | None):
         """Return the arguments of tangents, without the system."""
@@ -144,4 +146,4 @@ def test_trajectories_are_those_of_the_cpu(case, is_forced, device):
 def test_only_the_cpu_has_compiled_code(make_system, name):
     case = Case("decay", make_system(DECAY))
     run = compile_system(case.on(name), case.terms)
-    assert isinstance(run, CompiledETDRK4 if name == "cpu" else InterpretedSystem)
+    assert isinstance(run, CompiledETDRK4 if name == "cpu" else DeviceSystem)
