@@ -33,7 +33,6 @@ from dashred.physics.grids.operators import (
     Staggered,
 )
 
-
 CPU = torch.device("cpu")
 
 

@@ -24,8 +24,8 @@ from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import CPU, System, Term
 from dashred.physics.tangents.cell_tangents import has_cell_tangents, tangent_cells
 from dashred.physics.tangents.compiled_trajectory import CompiledTrajectory
-from dashred.physics.tangents.on_device.spectral_tangents import tangents_on_device
 from dashred.physics.tangents.ode_tangents import has_ode_tangents, tangent_ode
+from dashred.physics.tangents.on_device.spectral_tangents import tangents_on_device
 from dashred.physics.tangents.program_tangents import tangent_program
 from dashred.physics.tangents.tangent_linear import has_spectral_tangents, tangent_linear
 from dashred.physics.window import Shape, Window

@@ -44,8 +44,9 @@ def tangents_on_device(
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Yield state and tangents at each output time, on the device of the system.
 
-    The values, up to rounding, and the arguments are those of :func:`.tangent_linear.tangent_linear`.
-    The equations are the same: ETDRK4 applied to ``δu' = Lδu + N'(u)δu + θ_k(u)``.
+    The arguments, and up to rounding the values, are those of
+    :func:`.tangent_linear.tangent_linear`: the derivative of ETDRK4, from ETDRK4 applied to
+    ``δu' = Lδu + N'(u)δu + θ_k(u)``.
 
     Raises:
         NotSemilinearError: the system is not supported.

@@ -16,7 +16,6 @@ from dashred.physics.tangents.on_device.reference_stages import Stages
 from dashred.physics.tangents.semilinear_rhs import Inputs
 from dashred.physics.tangents.sources import Sources
 
-
 ZERO_ROW = -1
 """Index of the row of zeros, for a column without a source in an equation."""
 
