@@ -78,7 +78,7 @@ def _starts(system: System) -> Tensor:
     start = nominal_start(system)
     noise = torch.randn((TRAJECTORIES + DIRECTIONS, *start.shape[1:]), generator=generator)
     modes = torch.fft.rfftn(noise.double(), dim=system.grid.dims)
-    modes = modes * (system.grid.wavenumbers[0] ** 2 + system.grid.wavenumbers[1] ** 2 < 8**2)
+    modes = modes * (sum(k**2 for k in system.product_grid.wavenumbers) < 8**2)
     smooth = torch.fft.irfftn(modes, s=system.grid.shape, dim=system.grid.dims)
     return start + 0.01 * smooth / smooth.std()
 
