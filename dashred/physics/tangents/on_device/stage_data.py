@@ -97,7 +97,8 @@ class StageEvaluator:
     def _stacked(self, fields: list[Tensor], count: int) -> Tensor:
         if fields:
             return torch.stack(fields).to(self.dtype)
-        return torch.empty((0, count, *self.system.grid.shape), dtype=self.dtype)
+        shape = (0, count, *self.system.grid.shape)
+        return torch.empty(shape, dtype=self.dtype, device=self.system.device)
 
     def _rows(self, bodies: list[Tensor], times: Array, modes: Tensor) -> Tensor:
         """Return the rows and the row of zeros, ``(stage, row, *modes)``."""
