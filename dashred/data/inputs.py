@@ -119,4 +119,4 @@ def with_inputs(system: System, inputs: InputSignals) -> System:
         if declared[name].hold
     ]
     jumps = np.unique(np.concatenate([np.zeros(0), *held]))
-    return System(system.config, system.where, InputSignals(times, values, jumps))
+    return system.with_input_signals(InputSignals(times, values, jumps))

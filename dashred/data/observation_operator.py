@@ -77,13 +77,13 @@ class ObservationOperator(nn.Module):
         The time ``t`` matters only to derived quantities that depend on it. It is one time for all
         states, or the times of the states, ``(*batch)``.
         """
-        weights = self._weights.to(state.dtype)
+        weights = self._weights.to(state)
         batch = state.shape[: state.ndim - 1 - self.rank]
         found = [state.new_empty((*batch, 0))]
         for reads, first, last in self._groups:
             quantity = self._quantity(reads, state, t).reshape(*batch, weights.shape[1])
             found.append(quantity.to(state.dtype) @ weights[first:last].T)
-        return torch.cat(found, dim=-1).index_select(-1, self._order)
+        return torch.cat(found, dim=-1).index_select(-1, self._order.to(state.device))
 
     def _quantity(self, name: str, state: Tensor, t: float | Array) -> Tensor:
         if name in self._system.fields:

@@ -1,4 +1,4 @@
-"""Check of the device on which networks are trained."""
+"""Check of the device on which networks are trained and spectral fields are integrated."""
 
 from __future__ import annotations
 

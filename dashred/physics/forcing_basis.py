@@ -119,9 +119,17 @@ class SampledForcing:
         share = min(max((t - begin) / (end - begin), 0.0), 1.0)
         return (1 - share) * self.values[:, k] + share * self.values[:, k + 1]
 
+    def to(self, device: torch.device) -> SampledForcing:
+        """Return the forcing with its values on a device."""
+        return replace(self, values=self.values.to(device))
+
     def row(self, i: int) -> SampledForcing:
         """Return the forcing of one trajectory."""
         return replace(self, values=self.values[i : i + 1])
+
+    def rows(self, chosen: Tensor) -> SampledForcing:
+        """Return the forcing of the chosen trajectories, ``(row,)``."""
+        return replace(self, values=self.values[chosen])
 
 
 def knots_over(times: Tensor, count: int) -> Tensor:

@@ -33,6 +33,8 @@ from dashred.physics.grids.operators import (
     Staggered,
 )
 
+CPU = torch.device("cpu")
+
 
 @dataclasses.dataclass(frozen=True)
 class Term:
@@ -52,6 +54,8 @@ class System(Declaration):
     Attributes:
         dt: largest time step of the integrator.
         input_signals: of the recording; a simulation needs all inputs that the configuration names.
+        device: where the trajectories of spectral fields and their derivatives are computed. All
+            other systems are integrated on the CPU.
 
     A state is float64 ``(batch, field, *grid)``; for an ODE system ``(batch, field)``.
 
@@ -64,14 +68,17 @@ class System(Declaration):
         config: schema.System,
         where: Callable[[str], str],
         input_signals: InputSignals = NO_INPUTS,
+        device: torch.device = CPU,
     ) -> None:
         super().__init__(config, where)
         self.input_signals = input_signals
+        self.device = device if self.spectral and config.simulator is None else CPU
         self.grid: Grid | Mesh = (
             Grid(tuple(_axis(n, a, where) for n, a in config.axes.items()))
             if config.nodes is None
             else open_mesh(config.nodes)
         )
+        self._places: dict[torch.device, dict[str, Tensor]] = {}
         self.dt = _number(_step(config.integrator), where("system.integrator.dt"))
 
     @cached_property
@@ -182,7 +189,15 @@ class System(Declaration):
 
     def with_config(self, config: schema.System) -> System:
         """Return a system with another declaration and the same input signals."""
-        return System(config, self.where, self.input_signals)
+        return System(config, self.where, self.input_signals, self.device)
+
+    def with_input_signals(self, signals: InputSignals) -> System:
+        """Return the same system driven by other input signals."""
+        return System(self.config, self.where, signals, self.device)
+
+    def on(self, device: torch.device) -> System:
+        """Return the same system on another device."""
+        return System(self.config, self.where, self.input_signals, device)
 
     def evaluate(self, text: str, state: Tensor, t: float | Array = 0.0) -> Tensor:
         """Evaluate an expression of the system on states ``(*batch, field, *grid)``.
@@ -222,7 +237,9 @@ class System(Declaration):
 
     def coordinates_and_inputs(self, t: float | Array, device: torch.device) -> dict[str, Value]:
         """Return the values of coordinates, time and inputs."""
-        named = {k: Value(v.to(device)) for k, v in self.grid.places.items()}
+        if device not in self._places:
+            self._places[device] = {k: v.to(device) for k, v in self.grid.places.items()}
+        named = {k: Value(v) for k, v in self._places[device].items()}
         if self.has_conditions:
             named |= {k: Value(v.to(device)) for k, v in self.extension.responses.items()}
         clock = {"t": t, **self.input_signals.at(t)}

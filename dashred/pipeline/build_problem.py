@@ -43,7 +43,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
             invalid.
     """
     budget = begin_budget(config)
-    system = System(config.system, config.where)
+    system = System(config.system, config.where, device=torch.device(config.device))
     if system.program is not None:
         system.program.forget_failures()
     library = build_library(system, config.library)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass
 
@@ -104,6 +105,8 @@ def train_shred(
     shred = SHRED(
         data.scaler, data.pod, data.spread, size.latent, settings.layers, size.decoder
     ).float()
+    # The trainer moves the network and its basis to the device; the data stay where they are.
+    data.pod = copy.deepcopy(data.pod)
     if initial is not None:
         shred.initialise_from(initial)
     steps = size.epochs * settings.steps

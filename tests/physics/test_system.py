@@ -8,10 +8,11 @@ import pytest
 import torch
 
 from dashred.core.errors import InputError
+from dashred.physics.backends.input_signals import NO_INPUTS
 from dashred.physics.expressions.algebra import to_text
 from dashred.physics.expressions.linear import split_linear
 from dashred.physics.runs.initial_state_prior import nominal_start
-from dashred.physics.system import Term
+from dashred.physics.system import CPU, Term
 
 TEXT = """
 axes: {{x: {{length: 2*pi, points: 16}}}}
@@ -152,3 +153,16 @@ def test_a_system_can_be_handed_to_another_process(reaction):
     again = pickle.loads(pickle.dumps(reaction))
     state = nominal_start(reaction)
     torch.testing.assert_close(again.evaluate("cubic", state), reaction.evaluate("cubic", state))
+
+
+def test_only_spectral_fields_have_a_device(reaction, oscillator):
+    cuda = torch.device("cuda")
+    system = reaction.on(cuda)
+    for same in (
+        system,
+        system.with_step(0.01),
+        system.refined(),
+        system.with_input_signals(NO_INPUTS),
+    ):
+        assert same.device == cuda
+    assert reaction.device == system.on(CPU).device == oscillator.on(cuda).device == CPU

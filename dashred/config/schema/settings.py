@@ -210,7 +210,8 @@ class Settings:
     and more threads would wait for each other on a busy machine."""
 
     device: str
-    """Device for training the networks: ``cpu``, ``cuda`` or ``cuda:1``."""
+    """Device for the networks, and for trajectories of spectral fields and their derivatives:
+    ``cpu``, ``cuda`` or ``cuda:1``. All else is computed on the CPU."""
 
     output: str | None
     """Folder of the findings; null uses the artifact folder of the MLflow run."""

@@ -23,10 +23,11 @@ from dashred.physics.solvers.compiled.etdrk4 import CompiledETDRK4
 from dashred.physics.solvers.compiled_simulator import CompiledSystem, compile_system
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.schedule import count_steps
-from dashred.physics.system import System, Term
+from dashred.physics.system import CPU, System, Term
 from dashred.physics.tangents.cell_tangents import has_cell_tangents, tangent_cells
 from dashred.physics.tangents.compiled_trajectory import CompiledTrajectory
 from dashred.physics.tangents.ode_tangents import has_ode_tangents, tangent_ode
+from dashred.physics.tangents.on_device.spectral_tangents import tangents_on_device
 from dashred.physics.tangents.program_tangents import tangent_program
 from dashred.physics.tangents.tangent_linear import has_spectral_tangents, tangent_linear
 from dashred.physics.window import Shape, Window
@@ -178,6 +179,8 @@ class CandidateSimulator:
             if isinstance(compiled, CompiledCells) and weights is not None:
                 stages = partial(compiled.stages, weights, sampled_forcing)
             return tangent_cells(*base, sampled_forcing, forcing_basis, stages)
+        if self.system.device != CPU:
+            return tangents_on_device(*base, torch.float32, sampled_forcing, forcing_basis)
         reference = None
         if isinstance(compiled, CompiledETDRK4) and weights is not None:
             own = compiled.with_step(self.tangent.dt)

@@ -229,7 +229,8 @@ class ForwardModel:
         found: list[Tensor] = []
         for states, tangents in blocks:
             first = sum(map(len, found))
-            found.append(self._observe(states, tangents, unknowns, first))
+            # The fields may be on another device; only their readings are moved.
+            found.append(self._observe(states, tangents, unknowns, first).cpu())
             deadline.check()
         columns = torch.cat(found)
         columns[..., size : len(z)] *= stds.to(columns.dtype)
@@ -244,7 +245,7 @@ class ForwardModel:
     def _effect(self, states: Tensor, unknowns: Tensor, first: int) -> Tensor:
         """Return what changes of the parameters add to readings; see :meth:`observe`."""
         slopes = self._by_parameter(states, first)
-        changes = unknowns[:, None, self._read_unknowns, None].to(slopes.dtype)
+        changes = unknowns[:, None, self._read_unknowns, None].to(slopes)
         return (slopes @ changes)[..., 0]
 
     def _by_parameter(self, states: Tensor, first: int) -> Tensor:

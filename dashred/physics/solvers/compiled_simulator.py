@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol, Self
 
 import torch
@@ -20,7 +21,7 @@ from dashred.physics.solvers.compiled.runge_kutta import CompiledRungeKutta
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.schedule import schedule
 from dashred.physics.solvers.simulate import is_compilation_worthwhile, simulate
-from dashred.physics.system import System, Term
+from dashred.physics.system import CPU, System, Term
 from dashred.physics.window import Shape
 
 
@@ -94,12 +95,55 @@ class InterpretedSystem:
         return replace(self, system=self.system.with_step(dt))
 
 
+@dataclass(frozen=True)
+class DeviceSystem:
+    """A spectral system on another device than the CPU.
+
+    A batch is integrated there by :func:`simulate`. Only trajectories with a window, which differs
+    from one to the next, are integrated by compiled code on the CPU.
+    """
+
+    system: System
+    terms: tuple[Term, ...]
+    shapes: tuple[Shape, ...] = ()
+
+    @cached_property
+    def _windowed(self) -> CompiledSystem:
+        return compile_system(self.system.on(CPU), self.terms, self.shapes)
+
+    def __call__(
+        self,
+        start: Tensor,
+        times: Tensor,
+        weights: Tensor,
+        sampled_forcing: SampledForcing | None = None,
+    ) -> Tensor:
+        """See :meth:`CompiledSystem.__call__`."""
+        has_window = (weights[:, len(self.terms) :] != 0).any(dim=1)
+        states = start.new_empty((len(start), len(times), *start.shape[1:]))
+        plain = InterpretedSystem(self.system, self.terms)
+        parts: list[tuple[Tensor, CompiledSystem, Tensor]] = []
+        if not has_window.all():
+            parts.append((~has_window, plain, weights[:, : len(self.terms)]))
+        if has_window.any():
+            parts.append((has_window, self._windowed, weights))
+        for rows, run, own in parts:
+            force = sampled_forcing and sampled_forcing.rows(rows)
+            states[rows] = run(start[rows], times, own[rows], force)
+        return states
+
+    def with_step(self, dt: float) -> DeviceSystem:
+        """Return a copy with another time step."""
+        return replace(self, system=self.system.with_step(dt))
+
+
 def compile_system(
     system: System, terms: Sequence[Term], shapes: tuple[Shape, ...] = ()
 ) -> CompiledSystem:
     """Compile a system: spectral, finite volumes, or an ODE system with fixed steps, on the CPU.
 
-    Other systems are returned as :class:`InterpretedSystem`.
+    A spectral system on another device is returned as :class:`DeviceSystem`, and all other systems
+    as :class:`InterpretedSystem`.
 
     Args:
         system: the simulator.
@@ -108,6 +152,8 @@ def compile_system(
     """
     if system.program is not None:
         return InterpretedSystem(system, tuple(terms), shapes)
+    if system.device != CPU:
+        return DeviceSystem(system, tuple(terms), shapes)
     if not system.axes and system.tableau is not None:
         return CompiledRungeKutta(system, terms, shapes)
     with suppress(NotSemilinearError, ArithmeticError):

@@ -12,8 +12,8 @@ from torch import Tensor
 
 CONTOUR_POINTS = 32
 CACHE_SIZE = 8
-# Values whose contours are integrated together, to fit in the cache.
-VALUES_AT_ONCE = 512
+# Values whose contours are integrated together: on the CPU, they fit in the cache.
+VALUES_AT_ONCE, VALUES_ON_DEVICE = 2**9, 2**18
 
 
 class Coefficients(NamedTuple):
@@ -97,19 +97,20 @@ def coefficient_derivatives(linear: Tensor, h: float) -> Coefficients:
 
 def _contour_integrals(z: Tensor, h: float, order: int = 0) -> tuple[Tensor, ...]:
     """Return the contour integrals, computed once for each distinct z."""
-    if z.requires_grad:
-        # The selection of distinct values is not differentiable.
+    if z.requires_grad or z.device.type != "cpu":
+        # The selection of distinct values is not differentiable, and slow on other devices.
         return _integrals_around(z, h, order)
-    different, places = np.unique(z.cpu().numpy(), return_inverse=True)
-    result = _integrals_around(torch.from_numpy(different).to(z.device), h, order)
-    at = torch.from_numpy(places).to(z.device).reshape(z.shape)
+    different, places = np.unique(z.numpy(), return_inverse=True)
+    result = _integrals_around(torch.from_numpy(different), h, order)
+    at = torch.from_numpy(places).reshape(z.shape)
     return tuple(each[at] for each in result)
 
 
 def _integrals_around(z: Tensor, h: float, order: int) -> tuple[Tensor, ...]:
     angles = (torch.arange(CONTOUR_POINTS, dtype=torch.float64) + 0.5) / CONTOUR_POINTS
     roots = torch.exp(2j * math.pi * angles).to(z.device)[:, None]
-    parts = [_contour_means(part, roots, order) for part in z.flatten().split(VALUES_AT_ONCE)]
+    size = VALUES_AT_ONCE if z.device.type == "cpu" else VALUES_ON_DEVICE
+    parts = [_contour_means(part, roots, order) for part in z.flatten().split(size)]
     return tuple(h * torch.cat(each).reshape(z.shape) for each in zip(*parts, strict=True))
 
 

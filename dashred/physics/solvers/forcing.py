@@ -33,6 +33,10 @@ class Forcing:
         kept = [j for j, term in enumerate(self.terms) if changed_parameter(term) is None]
         return Forcing(added_terms(self.terms), self.coefficients[:, kept])
 
+    def to(self, device: torch.device) -> Forcing:
+        """Return the forcing with its coefficients on a device."""
+        return Forcing(self.terms, self.coefficients.to(device))
+
     def parameter_changes(self) -> dict[str, Tensor]:
         """Return the changes of the parameters of a program by name, ``(batch,)`` each."""
         found: dict[str, Tensor] = {}
@@ -84,7 +88,7 @@ class RowwiseForcing:
         ):
             rows = dict(zip(self.fields, slices, strict=True))
             [value] = program({**values, **rows}, self.operators)
-            result = torch.as_tensor(self.operators.on_grid(value), dtype=torch.float64)
+            result = torch.as_tensor(self.operators.on_grid(value)).to(self.weights)
             on_grid.append(result.expand(size, *self.operators.grid.shape))
         added = torch.cat(on_grid) * self.weights
         sums = added.new_zeros((len(self.fields) * self.batch, *added.shape[1:]))

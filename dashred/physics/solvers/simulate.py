@@ -21,7 +21,7 @@ from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.rhs import GridTendency, SpectralTendency
 from dashred.physics.solvers.schedule import count_steps, schedule
 from dashred.physics.solvers.splitting import AddedFlow, integrate_split
-from dashred.physics.system import System
+from dashred.physics.system import CPU, System
 
 # An ODE runs in code that is compiled already; its programs cost as much as so many steps.
 ODE_STEPS = 10
@@ -77,8 +77,8 @@ def simulate(
         whole = [*schedule(times.tolist(), system.dt, system.jumps)]
         states = integrate_split(system, added, start, whole, changes)
     elif system.spectral:
-        tendency = SpectralTendency(system, forcing, start.device, sampled_forcing)
-        states = _integrate_spectral(tendency, start, times.tolist())
+        tendency = tendency_on_device(system, forcing, sampled_forcing)
+        states = _integrate_spectral(tendency, start.to(system.device), times.tolist())
     elif system.has_conditions:
         rates, steps = (
             GridTendency(system, forcing, sampled_forcing),
@@ -95,7 +95,7 @@ def simulate(
         saved.append(state)
         if progress is not None:
             progress(index / max(1, len(times) - 1))
-    return torch.stack(saved, dim=1)
+    return torch.stack(saved, dim=1).to(start.device)
 
 
 def _should_compile(
@@ -117,7 +117,7 @@ def is_compilation_worthwhile(system: System, start: Tensor, span: float, terms:
         span: simulated time of all runs together.
         terms: number of additional terms that trajectories may have.
     """
-    if start.device.type != "cpu" or start.requires_grad or system.program is not None:
+    if system.device != CPU or start.requires_grad or system.program is not None:
         return False
     if not (system.spectral or (system.tableau is not None and not system.axes)):
         return False
@@ -150,6 +150,15 @@ def check_finite(trajectories: Tensor, times: Tensor, system: System) -> None:
         where=system.where("system.equations"),
         hint=hint_of_failure(system.program, hint),
     )
+
+
+def tendency_on_device(
+    system: System, forcing: Forcing | None, sampled_forcing: SampledForcing | None
+) -> SpectralTendency:
+    """Return the tendency of a spectral system with its forcing on the system's device."""
+    device = system.device
+    law, sampled = forcing and forcing.to(device), sampled_forcing and sampled_forcing.to(device)
+    return SpectralTendency(system, law, device, sampled)
 
 
 def _integrate_spectral(

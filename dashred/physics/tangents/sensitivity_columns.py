@@ -52,15 +52,11 @@ class SensitivityIntegrator:
         self.tendency, self.sources = tendency, sources
         self.dtype = np.result_type(dtype, np.complex64)
         self.shape = tendency.inputs.shape
-        result = [
-            (channel, tendency.inputs.names.index(name), slope)
-            for channel, part in enumerate(tendency.form.channels)
-            for name, slope in tendency.form.slopes(part).items()
-        ]
+        result = slopes_of(tendency)
         self.slopes: list[Expr] = [slope for _, _, slope in result]
         # Inputs and channels without a slope need no FFT.
-        channels, self._writes = _renumber([channel for channel, _, _ in result])
-        inputs, self._reads = _renumber([place for _, place, _ in result])
+        channels, self._writes = renumber([channel for channel, _, _ in result])
+        inputs, self._reads = renumber([place for _, place, _ in result])
         self._fields = tendency.inputs.fields[inputs]
         self._multipliers = self._flat(tendency.inputs.multipliers[inputs])
         self._channel_symbols = self._flat(tendency.channel_symbols[channels])
@@ -117,9 +113,9 @@ class _Chunk:
         self.integrator, self.shape = integrator, shape
         sources = integrator.sources
         symbols = sources.symbols.reshape(len(sources.symbols), integrator.tendency.mask.size)
-        self.shifts = _select_columns(sources.shifts, chunk)
+        self.shifts = select_columns(sources.shifts, chunk)
         self.symbols = symbols[self.shifts[:, 2]].astype(integrator.dtype)
-        self.drives = _select_columns(sources.drives, chunk)
+        self.drives = select_columns(sources.drives, chunk)
         fields, columns, size = shape[0], shape[1], integrator.tendency.mask.size
         memory = np.empty((5, fields, columns, size), dtype=integrator.dtype)
         self.n, self.linear, self.rest, self.end, self.stage = memory
@@ -176,13 +172,22 @@ class _Chunk:
         return hats.reshape(*hats.shape[:2], -1)
 
 
-def _renumber(places: list[int]) -> tuple[list[int], NDArray[np.int64]]:
+def slopes_of(tendency: SemilinearTendency) -> list[tuple[int, int, Expr]]:
+    """Return the channel, the input and the expression of each slope ∂G/∂v."""
+    return [
+        (channel, tendency.inputs.names.index(name), slope)
+        for channel, part in enumerate(tendency.form.channels)
+        for name, slope in tendency.form.slopes(part).items()
+    ]
+
+
+def renumber(places: list[int]) -> tuple[list[int], NDArray[np.int64]]:
     """Return the sorted distinct places, and the index of each place among them."""
     different = sorted(set(places))
     return different, np.array([different.index(place) for place in places], dtype=np.int64)
 
 
-def _select_columns(places: Sequence[tuple[int, int, int]], chunk: range) -> NDArray[np.int64]:
+def select_columns(places: Sequence[tuple[int, int, int]], chunk: range) -> NDArray[np.int64]:
     """Return the places in a chunk of columns, with column indices relative to the chunk."""
     result = [(e, column - chunk.start, i) for e, column, i in places if column in chunk]
     return np.array(result, dtype=np.int64).reshape(-1, 3)

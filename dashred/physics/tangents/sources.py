@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from dashred.physics.backends.numpy_backend import Array
 from dashred.physics.backends.torch_backend import Program
@@ -34,6 +35,10 @@ class Sources:
         symbols: Fourier symbols of the linear terms, ``(i, *modes)``.
         drives: ``(equation, column, row)`` for each row of the result of a call.
         bodies: the pointwise functions of the rows; the caller evaluates them.
+        channels: ``(row, i, D)`` if a row contains ``D[G_i]``, for body i, or after the bodies for
+            a term without a semilinear form.
+        couplings: ``(row, field, C)`` if a row contains ``C f``.
+        bumps: modes of the bumps of the forcing basis, ``(cell, *modes)``.
         inputs: the inputs of the bodies.
 
     Args:
@@ -67,7 +72,7 @@ class Sources:
         self.symbols = np.array(symbols).reshape(-1, *mask.shape)
         self.rows, self._mask = len(rows), mask
         self._separate(rows)
-        self._forcing_basis = forcing_basis
+        self.forcing_basis = forcing_basis
         if forcing_basis is not None:
             self._add_forcing_basis(forcing_basis, first + len(sources))
 
@@ -92,13 +97,13 @@ class Sources:
         hats = self._to_modes(values, modes, times, dtype)
         modes = modes.astype(np.result_type(dtype, np.complex64))
         result = np.zeros((self.rows, *modes.shape[1:]), dtype=modes.dtype)
-        for row, body, symbol in self._channels:
+        for row, body, symbol in self.channels:
             result[row] += hats[body] * symbol.astype(modes.dtype)
-        for row, field, symbol in self._couplings:
+        for row, field, symbol in self.couplings:
             result[row] += modes[field] * symbol.astype(modes.dtype)
-        if self._forcing_basis is None:
+        if self.forcing_basis is None:
             return result
-        hats = self._forcing_basis.hats(times.ravel())
+        hats = self.forcing_basis.hats(times.ravel())
         basis_rows = np.einsum("tk,c...->ckt...", hats, self.bumps).astype(result.dtype)
         return np.concatenate((result, basis_rows.reshape(-1, *result.shape[1:])))
 
@@ -106,8 +111,9 @@ class Sources:
         self, values: Array, modes: Modes, times: Array, dtype: type[np.floating[Any]]
     ) -> Modes:
         points = values.astype(dtype)
-        if self._others:
-            points = np.concatenate((points, self._evaluate_others(modes, times).astype(dtype)))
+        if self.has_others:
+            others = self.evaluate_others(torch.from_numpy(modes), times).numpy()
+            points = np.concatenate((points, others.astype(dtype)))
         return to_modes(points, len(self.system.grid.shape)) if len(points) else points
 
     def _separate(self, rows: Mapping[Expr, int]) -> None:
@@ -115,8 +121,8 @@ class Sources:
         builder = SemilinearBuilder(frozenset(fields), tuple(axes))
         bodies: dict[Expr, int] = {}
         others: dict[Expr, int] = {}
-        self._channels: list[tuple[int, int, Modes]] = []
-        self._couplings: list[tuple[int, int, Modes]] = []
+        self.channels: list[tuple[int, int, Modes]] = []
+        self.couplings: list[tuple[int, int, Modes]] = []
         for expr, row in rows.items():
             try:
                 couplings, channels = builder.equation("", expr)
@@ -124,13 +130,13 @@ class Sources:
                 others[expr] = row
                 continue
             for field, operator in couplings.items():
-                self._couplings.append((row, fields.index(field), self._symbol(operator)))
+                self.couplings.append((row, fields.index(field), self._symbol(operator)))
             for channel in channels:
                 if channel.body != ZERO:
                     body = bodies.setdefault(channel.body, len(bodies))
-                    self._channels.append((row, body, self._symbol(channel.operator)))
+                    self.channels.append((row, body, self._symbol(channel.operator)))
         for body, row in enumerate(others.values(), len(bodies)):
-            self._channels.append((row, body, self._mask.astype(complex)))
+            self.channels.append((row, body, self._mask.astype(complex)))
         self.bodies, self.inputs = list(bodies), Inputs(self.system, builder.inputs)
         self._others = Program(list(others)) if others else None
 
@@ -138,18 +144,27 @@ class Sources:
         result: Modes = self._mask * operator_symbol(self.system, operator)
         return result
 
-    def _evaluate_others(self, modes: Modes, times: Array) -> Array:
-        """Return the terms without a semilinear form, ``(term, time, *grid)``."""
+    @property
+    def has_others(self) -> bool:
+        """Whether there are terms without a semilinear form."""
+        return self._others is not None
+
+    def evaluate_others(self, hats: Tensor, times: Array) -> Tensor:
+        """Return the terms without a semilinear form, ``(term, time, *grid)``.
+
+        Args:
+            hats: modes of the fields, ``(field, time, *modes)``.
+            times: ``(time, 1, …)`` with a 1 for each axis of the grid.
+        """
         assert self._others is not None
         system = self.system
-        hats = torch.from_numpy(modes)
         points = torch.fft.irfftn(hats, s=system.grid.shape, dim=system.grid.dims)
         values = system.coordinates_and_inputs(times, hats.device)
         values |= dict(zip(system.fields, map(Value, points, hats), strict=True))
         result = (system.operators.on_grid(v) for v in self._others(values, system.operators))
-        shape = (modes.shape[1], *system.grid.shape)
-        rows = [on_whole_grid(f, system.grid).expand(shape) for f in result]
-        return torch.stack(rows).numpy()
+        shape = (hats.shape[1], *system.grid.shape)
+        rows = [on_whole_grid(f, system.grid).to(points).expand(shape) for f in result]
+        return torch.stack(rows)
 
 
 def _by_place(sources: Sequence[tuple[Term, ...]], first: int) -> dict[tuple[str, int], Expr]:

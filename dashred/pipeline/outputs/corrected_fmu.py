@@ -117,7 +117,7 @@ def _states(runs: Trajectories) -> list[tuple[Tensor, float]]:
 def _with_inputs_at(system: System, t: float) -> System:
     """Return a system whose inputs keep their values at a time."""
     values = {name: np.atleast_1d(value) for name, value in system.input_signals.at(t).items()}
-    return System(system.config, system.where, InputSignals(np.zeros(1), values))
+    return system.with_input_signals(InputSignals(np.zeros(1), values))
 
 
 def _description(path: Path, original: Description, fields: tuple[str, ...]) -> Description:

@@ -61,7 +61,7 @@ def state_samples(problem: Problem, nominal: NominalRun) -> StateSamples:
     states = torch.cat([path[mine][::stride] for path, mine in zip(paths, kept, strict=True)])
     system = problem.system
     if system.inputs:
-        system = System(system.config, system.where, _end_to_end(signals, list(system.inputs)))
+        system = system.with_input_signals(_end_to_end(signals, list(system.inputs)))
     return StateSamples(system, states, torch.cat(clocks))
 
 

@@ -14,7 +14,11 @@ from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.batch_coefficients import CoefficientLayout
 from dashred.physics.solvers.compiled.etdrk4 import CompiledETDRK4
 from dashred.physics.solvers.compiled.runge_kutta import CompiledRungeKutta
-from dashred.physics.solvers.compiled_simulator import InterpretedSystem, compile_system
+from dashred.physics.solvers.compiled_simulator import (
+    DeviceSystem,
+    InterpretedSystem,
+    compile_system,
+)
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
@@ -118,3 +122,21 @@ def test_what_cannot_be_compiled_has_them_too(tmp_path: Path, space: str) -> Non
     system = laws.declared(tmp_path, text + REST)
     windows = [box(system.axes[0]).at((9.0, 2.0, math.log(0.4)))]
     assert isinstance(compare(system, TERMS[:2], windows), InterpretedSystem)
+
+
+def test_on_a_device_rows_with_a_window_are_integrated_apart(tmp_path: Path) -> None:
+    system = laws.declared(tmp_path, WAVE + REST)
+    terms = tuple(laws.term(system, equation, text).terms[0] for equation, text in TERMS[:2])
+    shapes = window_shapes(system)
+    windows = [box(system.axes[0]).at((9.0, 2.0, math.log(0.4)))]
+    layout = CoefficientLayout(len(terms), shapes)
+    weights = layout.weights(*rows(windows, len(terms)), windows).repeat(3, 1)
+    weights[1, len(terms) :] = 0
+    start = nominal_start(system).repeat(3, 1, 1)
+    run, expected = DeviceSystem(system, terms, shapes), InterpretedSystem(system, terms, shapes)
+    # Not compiled, to be quick.
+    vars(run)["_windowed"] = expected
+    found = run(start, TIMES, weights)
+    torch.testing.assert_close(found, expected(start, TIMES, weights), rtol=1e-11, atol=1e-11)
+    assert (found[0] - found[1]).abs().amax() > 1e-3
+    assert run.with_step(0.01).system.dt == 0.01

@@ -1,0 +1,1 @@
+"""Derivatives of spectral trajectories in torch, on the device of the system."""
