@@ -7,7 +7,7 @@ adjusted again for every fault that is tried (docs/method.md#sensor-faults).
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import torch
 from torch import Tensor
@@ -57,12 +57,15 @@ class FaultProblem:
         linear: F linearised about a fit, with the columns of the faults.
         states: states of that fit, ``(time, episode, field, *grid)``.
         faults: what was added.
+        columns: of the faults that were tried, by kind and sensor; they are the same beside other
+            faults.
     """
 
     objective: LeastSquaresProblem
     linear: LinearisedFit
     states: Tensor
     faults: FaultSet
+    columns: dict[tuple[str, int], Columns] = field(default_factory=dict)
 
     @classmethod
     def at(
@@ -84,10 +87,9 @@ class FaultProblem:
 
         The parameters of the earlier faults are those of the earlier minimum.
         """
-        errors = alternatives[0].errors
-        if errors is None:
+        if alternatives[0].errors is None:
             return self._remove_samples(alternatives[0])
-        columns = _linearise_errors(self.objective, errors, self.states)
+        columns = self._columns(alternatives[0], alternatives[0].errors)
         profile, before = self.linear.profile(columns), self.faults
         constant = sum(each.constant for each in before.faults)
         tried = []
@@ -106,21 +108,30 @@ class FaultProblem:
         linear = self.linear.with_columns(columns, scales)
         return replace(self, linear=linear, faults=faults)
 
+    def _columns(self, fault: Fault, errors: SensorErrors) -> Columns:
+        """Return the columns of a fault, which are linearised once."""
+        key = fault.kind, fault.sensor
+        if key not in self.columns:
+            self.columns[key] = _linearise_errors(self.objective, errors, self.states)
+        return self.columns[key]
+
     def _remove_samples(self, fault: Fault) -> FaultProblem:
         """Return the problem with a fault that has no parameters."""
         objective, before = without_samples(self.objective, fault), self.faults
         removed = objective.noise.available != self.objective.noise.available
+        cost = self.linear.cost_without(removed.flatten())
         linear = self.linear.without_rows(removed.flatten())
         none = torch.zeros(0, dtype=torch.float64)
         constant = sum(each.constant for each in (*before.faults, fault))
         faults = FaultSet(
             (*before.faults, fault),
-            linear.cost + constant,
+            cost + constant,
             before.penalty + self._penalty(fault, none),
             (*before.parameters, none),
             (*before.covariances, none),
         )
-        return replace(self, objective=objective, linear=linear, faults=faults)
+        # The columns of other faults do not have the removed samples either.
+        return replace(self, objective=objective, linear=linear, faults=faults, columns={})
 
     def _penalty(self, fault: Fault, information: Tensor) -> float:
         samples, sensors = self.objective.noise.effective_count, self.objective.recorded.shape[1]
@@ -204,11 +215,12 @@ def cost_without_worst(problem: FaultProblem, count: int) -> float:
     linear, recorded = problem.linear, problem.objective.recorded
     block = problem.objective.forward_model.sensors
     removed, seen = torch.zeros(recorded.shape, dtype=torch.bool), problem.objective.noise.available
+    misfit = linear.misfit
     for _ in range(count):
-        by_column = linear.misfit.reshape(recorded.shape).square().sum(dim=0)
+        by_column = misfit.reshape(recorded.shape).square().sum(dim=0)
         removed[:, block.columns_of(int(by_column.argmax()))] = True
-        linear = problem.linear.without_rows(removed.flatten())
-    return linear.cost + float((removed & seen).sum())
+        misfit = linear.misfit_without(removed.flatten())
+    return linear.cost_without(removed.flatten()) + float((removed & seen).sum())
 
 
 def without_samples(objective: LeastSquaresProblem, fault: Fault) -> LeastSquaresProblem:
@@ -240,7 +252,7 @@ def _linearise_errors(
     matrix = noise.whiten(errors.columns(stated, states, guess).movedim(-1, 0)).flatten(1).T
     [shifted] = errors.apply(stated[None], states[None], guess[None])
     effect = noise.whiten(shifted - stated).flatten()
-    return Columns(matrix, matrix @ guess - effect)
+    return Columns.of(matrix, matrix @ guess - effect)
 
 
 def _by_score(problem: FaultProblem) -> float:

@@ -4,6 +4,13 @@ The unknowns of the fit are eliminated once, by an orthogonal basis Q of the col
 prior. Further columns C, such as the error of a sensor, then need small matrices only::
 
     C' = C - Q Qᵀ C        S = C'ᵀC'        c = (S + P)⁻¹ C'ᵀ r        F = ‖r‖² - cᵀ C'ᵀ r
+
+A sensor's error concerns the samples K of this sensor alone, so that only these rows of Q are
+needed: ``S = CᵀC - GᵀG`` with ``G = Q_Kᵀ C``. Samples are left out without another fit, too::
+
+    e_K = (I - Q_K Q_Kᵀ)⁻¹ r_K        F_{-K} = F - r_Kᵀ e_K
+
+where e_K are their residuals about the prediction by all other samples.
 """
 
 from __future__ import annotations
@@ -20,16 +27,29 @@ from dashred.inference.fit.normal_equations import solve
 
 @dataclass(frozen=True)
 class Columns:
-    """Further unknowns of a linearised fit.
+    """Further unknowns of a linearised fit, which concern some of its samples.
 
     Attributes:
-        matrix: derivative of the whitened readings, ``(time·sensor, parameter)``.
-        offset: what is added to the target, because they are linearised about a first guess,
-            ``(time·sensor,)``.
+        rows: these samples, ``(row,)``.
+        matrix: derivative of their whitened readings, ``(row, parameter)``.
+        offset: what is added to their target, because they are linearised about a first guess,
+            ``(row,)``.
     """
 
+    rows: Tensor
     matrix: Tensor
     offset: Tensor
+
+    @classmethod
+    def of(cls, matrix: Tensor, offset: Tensor) -> Columns:
+        """Return the columns of all samples, ``(time·sensor, parameter)``, without rows of zeros.
+
+        Args:
+            matrix: derivative of all whitened readings.
+            offset: what is added to their target, ``(time·sensor,)``.
+        """
+        rows = torch.nonzero((matrix != 0).any(dim=1) | (offset != 0)).flatten()
+        return cls(rows, matrix[rows], offset[rows])
 
 
 @dataclass(frozen=True)
@@ -97,15 +117,22 @@ class LinearisedFit:
 
     def profile(self, columns: Columns) -> Profile:
         """Return F as a function of further unknowns."""
-        both = self._without_fitted(torch.cat([columns.matrix, columns.offset[:, None]], dim=1))
-        added, residual = both[:, :-1], self._residual + both[:, -1]
-        return Profile(float(residual.square().sum()), added.T @ residual, added.T @ added)
+        matrix, offset = columns.matrix, columns.offset
+        residual, basis = self._residual[columns.rows], self._basis[columns.rows]
+        fitted, shifted = basis.T @ matrix, basis.T @ offset
+        return Profile(
+            self.cost + float(2 * residual @ offset + offset @ offset - shifted @ shifted),
+            matrix.T @ (residual + offset) - fitted.T @ shifted,
+            matrix.T @ matrix - fitted.T @ fitted,
+        )
 
     def with_columns(self, columns: Columns, scales: Tensor) -> LinearisedFit:
         """Return F with further unknowns, whose prior has these standard deviations."""
+        matrix = self.jacobian.new_zeros((len(self.target), columns.matrix.shape[1]))
+        matrix[columns.rows] = columns.matrix
         return LinearisedFit(
-            torch.cat([self.jacobian, columns.matrix], dim=1),
-            self.target + columns.offset,
+            torch.cat([self.jacobian, matrix], dim=1),
+            self.target.index_add(0, columns.rows, columns.offset),
             torch.cat([self.precision, scales**-2]),
         )
 
@@ -119,12 +146,25 @@ class LinearisedFit:
         """Residual of the samples at the minimum, ``(time·sensor,)``."""
         return self._residual[: len(self.target)]
 
-    def residual_without(self, rows: Tensor, others: Tensor) -> Tensor:
-        """Return the target of some rows minus its prediction by other rows, both as masks."""
-        jacobian, target = self.jacobian[others], self.target[others]
-        matrix = jacobian.T @ jacobian + torch.diag(self.precision)
-        phi = solve(matrix, (jacobian.T @ target)[:, None])[:, 0]
-        return self.target[rows] - self.jacobian[rows] @ phi
+    def residual_without(self, removed: Tensor) -> Tensor:
+        """Return the target of some samples minus their prediction by the others, ``(row,)``.
+
+        Args:
+            removed: mask of the samples, ``(time·sensor,)``.
+        """
+        rows = torch.nonzero(removed).flatten()
+        basis, eye = self._basis[rows], torch.eye(len(rows), dtype=self.target.dtype)
+        return solve(eye - basis @ basis.T, self._residual[rows, None])[:, 0]
+
+    def misfit_without(self, removed: Tensor) -> Tensor:
+        """Return the residual of the samples without some of them, whose own residual is 0."""
+        samples, prediction = len(self.target), self.residual_without(removed)
+        others = self._basis[:samples] @ (self._basis[:samples][removed].T @ prediction)
+        return (self.misfit + others) * ~removed
+
+    def cost_without(self, removed: Tensor) -> float:
+        """Return the minimum of F without some samples, given as a mask ``(time·sensor,)``."""
+        return self.cost - float(self.misfit[removed] @ self.residual_without(removed))
 
     @cached_property
     def _basis(self) -> Tensor:
@@ -134,14 +174,9 @@ class LinearisedFit:
 
     @cached_property
     def _residual(self) -> Tensor:
-        """Residual of the target and of the prior at the minimum."""
-        return self._without_fitted(self.target[:, None])[:, 0]
-
-    def _without_fitted(self, columns: Tensor) -> Tensor:
-        """Return columns minus their fit by the unknowns, ``(time·sensor + unknown, column)``."""
+        """Residual of the target and of the prior at the minimum, ``(time·sensor + unknown,)``."""
         basis = self._basis
-        whole = columns.new_zeros((len(basis), columns.shape[1]))
-        whole[: len(columns)] = columns
+        whole = torch.cat([self.target, torch.zeros_like(self.precision)])
         # Twice: the first difference keeps rounding errors of the part that was removed.
         for _ in range(2):
             whole = whole - basis @ (basis.T @ whole)

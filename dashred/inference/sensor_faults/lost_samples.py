@@ -117,12 +117,11 @@ def _residual_without_sensor(
     objective: LeastSquaresProblem, linear: LinearisedFit, sensor: int
 ) -> Tensor:
     """Return readings minus their prediction by the other sensors, in units, ``(time,)``."""
-    shape = objective.recorded.shape
-    own, others = torch.zeros(shape, dtype=torch.bool), torch.ones(shape, dtype=torch.bool)
-    own[:, sensor] = True
-    others[:, objective.forward_model.sensors.columns_of(sensor)] = False
-    residual = linear.residual_without(own.flatten(), others.flatten())
-    return residual * objective.noise.std[sensor]
+    columns = objective.forward_model.sensors.columns_of(sensor)
+    removed = torch.zeros(objective.recorded.shape, dtype=torch.bool)
+    removed[:, columns] = True
+    residual = linear.residual_without(removed.flatten()).reshape(-1, len(columns))
+    return residual[:, columns.index(sensor)] * objective.noise.std[sensor]
 
 
 def _sticks_out(residual: Tensor, sigma: float) -> Tensor:
