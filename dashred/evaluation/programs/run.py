@@ -96,6 +96,8 @@ def _analyse(
         "tracking.experiment=analysis",
         "tracking.model=false",
     ]
+    if request.budget is not None:
+        words.append(f"budget={request.budget}")
     began = time.perf_counter()
     try:
         with worker(copy) as current:
