@@ -42,7 +42,7 @@ def check_simulator(system: System, where: Where) -> None:
     if simulator.command is None:
         return
     # Imported here, because it takes long and few systems have a command.
-    from dashred.physics.external.command.netcdf_files import OWN_NAMES
+    from dashred.physics.external.adapters.command.netcdf_files import OWN_NAMES
 
     for section in ("fields", "axes", "inputs", "parameters"):
         for name in getattr(system, section):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dashred.physics.external.function import FunctionAdapter
+from dashred.physics.external.adapters.function import FunctionAdapter
 from dashred.physics.external.kept import recent_results
 from dashred.physics.external.state_batch import StateBatch
 from dashred.physics.external.stepped import SteppedProgram
