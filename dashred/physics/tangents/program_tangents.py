@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Sequence
-from itertools import product
 from typing import Any, Protocol
 
 import numpy as np
@@ -191,6 +190,8 @@ def push(
 class _GridColumns:
     """The half step of fields: differences of the flow, and half of the sources at both ends.
 
+    Without a flow, all of them are in the middle.
+
     Args:
         system: with a program.
         forcing: as in :func:`tangent_program`, and so are the others.
@@ -212,8 +213,7 @@ class _GridColumns:
         self.system, self.basis = system, forcing_basis
         self.flow = AddedFlow(_with_law(system, forcing), None, sampled_forcing)
         self.first, self.terms = first, len(sources)
-        self.driven = self.terms + (0 if forcing_basis is None else forcing_basis.count)
-        self.count = first + self.driven
+        self.count = first + self.terms + (0 if forcing_basis is None else forcing_basis.count)
         self.places = [
             (k, system.fields.index(term.equation))
             for k, terms in enumerate(sources)
@@ -222,35 +222,47 @@ class _GridColumns:
         self.values = Expressions([term.expression for terms in sources for term in terms])
         dealias = system.spectral and system.config.integrator.dealias
         self.mask = dealias_mask(system) if dealias else None
+        if forcing_basis is not None:
+            self.bumps = self._dealiased(forcing_basis.bumps)
 
     def __call__(
         self, state: Tensor, columns: Tensor, t: float, h: float, reach: Tensor
     ) -> tuple[Tensor, Tensor]:
         """See :class:`HalfStep`."""
-        sources = h / 2 * self._sources(state, t)
         columns = columns.clone()
-        columns[self.first :] += sources
-        after = state
-        if not self.flow.is_empty:
+        if self.flow.is_empty:
+            self._add_sources(columns, h, state, t + h / 2)
+            return state, columns
+        self._add_sources(columns, h / 2, state, t)
+        if self.flow.is_forcing_alone:
+            after = self.flow(state[None], t, h)[0]
+        else:
             after, columns = carry(self.flow, state, columns, t, h, ROUNDING**0.5 * reach)
-            sources = h / 2 * self._sources(after, t + h)
-        columns[self.first :] += sources
+        self._add_sources(columns, h / 2, after, t + h)
         return after, columns
 
-    def _sources(self, state: Tensor, t: float) -> Tensor:
-        """Return the sources ``(column, field, *grid)`` at a state ``(field, *grid)``."""
+    def _add_sources(self, columns: Tensor, h: float, state: Tensor, t: float) -> None:
+        """Add h times the sources at a state ``(field, *grid)`` to the columns."""
+        if self.places:
+            columns[self.first : self.first + self.terms] += h * self._of_terms(state, t)
+        if self.basis is not None:
+            # A view (field, cell, course, field, *grid): a basis function acts on its own field.
+            fields, cells, courses = self.basis.shape
+            parts = fields, cells, courses, *state.shape
+            own = columns[self.first + self.terms :].view(parts)
+            [hats] = self.basis.hats(np.array([t]))
+            for course in np.flatnonzero(hats):
+                for field in range(fields):
+                    own[field, :, course, field] += h * float(hats[course]) * self.bumps
+
+    def _of_terms(self, state: Tensor, t: float) -> Tensor:
+        """Return the sources of the terms, ``(column, field, *grid)``."""
         system, shape = self.system, self.system.grid.shape
-        found = torch.zeros((self.driven, *state.shape), dtype=torch.float64)
+        found = torch.zeros((self.terms, *state.shape), dtype=torch.float64)
         values = self.values(system.values(self._dealiased(state[None]), t), system.operators)
         for (column, field), value in zip(self.places, values, strict=True):
             points = torch.as_tensor(system.operators.on_grid(value), dtype=torch.float64)
             found[column, field] += points.expand(1, *shape)[0]
-        if self.basis is not None:
-            fields, cells, courses = self.basis.shape
-            [hats] = self.basis.hats(np.array([t]))
-            places = product(range(fields), range(cells), range(courses))
-            for column, (field, cell, course) in enumerate(places, self.terms):
-                found[column, field] = self.basis.bumps[cell] * float(hats[course])
         return self._dealiased(found)
 
     def _dealiased(self, states: Tensor) -> Tensor:
