@@ -73,6 +73,7 @@ def _run_case(request: Request, copy: Path, case: Case) -> Row:
         system=case.system,
         twin=case.twin,
         seed=case.seed,
+        budget=request.budget,
         equations=equations,
         program=program,
         calls=int(calls),
