@@ -112,10 +112,11 @@ def test_columns_of_a_field_are_those_of_its_equations(
 
 @pytest.mark.parametrize("pushes", [True, False])
 def test_columns_of_a_forcing_without_a_law(make_system, pushes: bool) -> None:
-    known = make_system(HEAT.replace("BODY", "equations: {u: kappa*lap(u)}"))
+    heat = HEAT.replace("0.0125}", "0.0125, dealias: true}")
+    known = make_system(heat.replace("BODY", "equations: {u: kappa*lap(u)}"))
     body = "simulator: {function: tests.programs.heat}"
     words = "trust=tests.programs.heat", "recording.path=recorded.csv"
-    program = make_system(HEAT.replace("BODY", body), *words)
+    program = make_system(heat.replace("BODY", body), *words)
     start, eye = nominal_start(known)[0], torch.eye(32, dtype=torch.float64)[:4, None]
     basis = ForcingBasis.over(known, TIMES, 3, 5)
     wave = torch.sin(2 * math.pi * torch.arange(32, dtype=torch.float64) / 32)
