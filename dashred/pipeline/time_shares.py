@@ -42,7 +42,7 @@ ENDS_OF_SEGMENTS = ENDS | {
 # A stage before the search for a law may take this share of the time that it and all later stages
 # of the search have, counted from its beginning. What it looks for is rare, and is looked for again
 # beside the law.
-SHARE_OF_REST = {"look for a local cause": 1 / 3}
+SHARE_OF_REST = {"look for a local cause": 1 / 4}
 LAST_OF_SEARCH = "compare hypotheses"
 # The free runs of a law: their number, and their length in lengths of the record. The stages before
 # them end early enough for those of an expensive program, but not before this share of the time.
