@@ -91,7 +91,7 @@ DYNAMIC = {"__import__", "import_module", "exec", "eval", "runpy"}
 # simulator is imported where the command line has named it. A process imports its entry point.
 EXCEPT = {
     "dashred.physics.backends.codegen": {"exec"},
-    "dashred.physics.external.user_code": {"import_module"},
+    "dashred.physics.external.adapters.user_code": {"import_module"},
     "dashred.pipeline.run.prewarmed": {"import_module"},
 }
 

@@ -9,7 +9,7 @@ from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where
 from dashred.config.trust import CLASS_KEY
 from dashred.core.errors import InputError
-from dashred.physics.external.user_code import last_words, load
+from dashred.physics.external.adapters.user_code import last_words, load
 from dashred.physics.system_schema import System
 
 

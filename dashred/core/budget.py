@@ -36,9 +36,10 @@ class Deadline:
         """Whether the time is up after so many seconds from now."""
         return time.monotonic() + seconds > self.at
 
-    def within(self, seconds: float) -> Deadline:
-        """Return the deadline, or the time after so many seconds from now if that is earlier."""
-        return Deadline(min(self.at, time.monotonic() + seconds))
+    def part(self, share: float) -> Deadline:
+        """Return the time at which a share of what is left until the deadline is over."""
+        now = time.monotonic()
+        return Deadline(now + share * (self.at - now))
 
     def check(self) -> None:
         """Raise an error if the time is up.

@@ -29,7 +29,7 @@ from dashred.physics.let_terms import build_let_terms
 from dashred.physics.library import build_library
 from dashred.physics.parameter_sensitivity import parameters_read
 from dashred.physics.system import System, Term
-from dashred.pipeline.time_shares import LONGEST, ends_of
+from dashred.pipeline.time_shares import LAST_OF_SEARCH, SHARE_OF_REST, ends_of
 
 # Lower bound of the noise σ, as a share of the std of a trace, before the residuals give an
 # estimate. With less noise than this the search would stop at laws that fit the recording only
@@ -96,9 +96,12 @@ class Problem:
 
         A stage begins when it asks. One that is not part of an analysis may take the whole time.
         """
-        ends, longest = ends_of(self.system, self.times, self.budget), LONGEST.get(stage, 1.0)
+        ends = ends_of(self.system, self.times, self.budget)
         end = self.budget.deadline(ends.get(stage, 1.0))
-        return end.within(longest * self.budget.seconds)
+        if stage not in SHARE_OF_REST:
+            return end
+        rest = self.budget.deadline(ends[LAST_OF_SEARCH])
+        return min(end, rest.part(SHARE_OF_REST[stage]), key=lambda each: each.at)
 
     def without_budget(self) -> Problem:
         """Return the problem with as much time as its analysis takes."""

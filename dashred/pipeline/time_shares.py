@@ -39,9 +39,11 @@ ENDS_OF_SEGMENTS = ENDS | {
     "train SHRED": 0.79,
     "assimilate": 0.8,
 }
-# Share of the whole time that a stage may take, though others have left more: what it looks for is
-# rare, and is looked for again beside the law.
-LONGEST = {"look for a local cause": 0.12}
+# A stage before the search for a law may take this share of the time that it and all later stages
+# of the search have, counted from its beginning. What it looks for is rare, and is looked for again
+# beside the law.
+SHARE_OF_REST = {"look for a local cause": 1 / 4}
+LAST_OF_SEARCH = "compare hypotheses"
 # The free runs of a law: their number, and their length in lengths of the record. The stages before
 # them end early enough for those of an expensive program, but not before this share of the time.
 FREE_RUNS, FREE_LENGTH, LEAST = 4, 1.5, 0.5
@@ -73,7 +75,7 @@ def ends_of(system: System, times: Tensor, budget: Budget) -> Mapping[str, float
         return ENDS
     calls = FREE_LENGTH * calls_per_simulation(system, times)
     free = calls * system.program.seconds_of(FREE_RUNS) / budget.seconds
-    before = ENDS["compare hypotheses"]
+    before = ENDS[LAST_OF_SEARCH]
     latest = max(ENDS["draw figures"] - free, LEAST)
     return {
         stage: min(end, latest) if end <= before else end for stage, end in ENDS_OF_SEGMENTS.items()

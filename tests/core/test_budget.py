@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 
 import pytest
@@ -20,11 +19,11 @@ def test_a_deadline_is_over_when_its_time_has_come() -> None:
         past.check()
 
 
-def test_a_stage_may_have_less_time_than_its_end_leaves() -> None:
-    end = Budget.begin(100.0).deadline(0.5)
-    assert end.within(60.0) == end
-    assert end.within(10.0).at == pytest.approx(time.monotonic() + 10.0, abs=1)
-    assert NEVER.within(math.inf) == NEVER
+def test_a_stage_may_have_a_part_of_what_is_left() -> None:
+    end = Budget(100.0, began=time.monotonic() - 20).deadline(0.5)
+    assert end.part(1 / 3).at == pytest.approx(time.monotonic() + 10.0, abs=1)
+    assert NEVER.part(1 / 3) == NEVER
+    assert Deadline(time.monotonic() - 1).part(1 / 3).is_over
 
 
 def test_shares_are_measured_from_the_beginning_of_the_run() -> None:

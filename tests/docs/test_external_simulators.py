@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 from dashred.config import load_config
-from dashred.physics.external.fmu.corrected.archive import write_fmu
-from dashred.physics.external.fmu.corrected.library import Correction
+from dashred.physics.external.adapters.fmu.corrected.archive import write_fmu
+from dashred.physics.external.adapters.fmu.corrected.library import Correction
 from dashred.physics.external.program import describe_fmu
 from dashred.physics.external.protocol import Program
 from dashred.physics.system import System
 from tests.conftest import CHECKOUT
 from tests.documents import snippets
-from tests.physics.external.fmu.build import build
+from tests.physics.external.adapters.fmu.build import build
 from tests.physics.grids.test_stencils import scattered
 
 PAGE = CHECKOUT / "docs" / "external-simulators.md"

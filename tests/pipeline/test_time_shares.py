@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 import torch
 
 from dashred.core.budget import Budget
+from dashred.pipeline.problem import Problem
 from dashred.pipeline.time_shares import ENDS, ENDS_OF_SEGMENTS, ends_of
 
 TIMES = 0.1 * torch.arange(61, dtype=torch.float64)
@@ -34,3 +36,11 @@ def test_free_runs_of_an_expensive_program_have_their_time(budget: float, latest
     assert ends["compare hypotheses"] == pytest.approx(latest)
     assert ends["draw figures"] == ENDS_OF_SEGMENTS["draw figures"]
     assert ends["simulate"] == ENDS_OF_SEGMENTS["simulate"]
+
+
+@pytest.mark.parametrize(("spent", "end"), [(0.1, 0.1 + 0.76 / 4), (0.65, 0.66)])
+def test_a_local_cause_has_a_quarter_of_the_rest_of_the_search(spent: float, end: float) -> None:
+    budget = Budget(300.0, began=time.monotonic() - 300 * spent)
+    problem: Any = SimpleNamespace(system=system(None), times=TIMES, budget=budget)
+    deadline = Problem.deadline(problem, "look for a local cause")
+    assert deadline.at == pytest.approx(budget.deadline(end).at, abs=1)

@@ -37,12 +37,12 @@ def check_simulator(system: System, where: Where) -> None:
     for name, axis in system.axes.items():
         if isinstance(axis.ends, dict) or axis.coordinates == "radial":
             what = "a program cannot have an axis with a condition for each side, or a radius"
-            hint = "remove it: the program has its own conditions; ends: insulated keeps all points"
+            hint = "it has its own: for terms that assume none, give the points as system.nodes"
             raise InputError(what, where=where(f"system.axes.{name}"), hint=hint)
     if simulator.command is None:
         return
     # Imported here, because it takes long and few systems have a command.
-    from dashred.physics.external.command.netcdf_files import OWN_NAMES
+    from dashred.physics.external.adapters.command.netcdf_files import OWN_NAMES
 
     for section in ("fields", "axes", "inputs", "parameters"):
         for name in getattr(system, section):

@@ -51,6 +51,12 @@ class Request:
         "seconds after which an analysis is ended: no answer",
         default="1200",
     )
+    budget: int | None = argument(
+        integer_reader(at_least=1, at_most=100_000),
+        "1800",
+        "seconds on the clock that each analysis may take; default: as for any analysis",
+        default=None,
+    )
     output: Path = argument(
         read_absolute_path,
         "DIR",

@@ -58,6 +58,7 @@ def _line(row: Row) -> list[str]:
         row["system"],
         row["twin"],
         str(row["seed"]),
+        "" if row["budget"] is None else str(row["budget"]),
         program["problem"] or program["verdict"] or "",
         _exact(program),
         "" if program["error"] is None else f"{100 * program['error']:.2g} %",

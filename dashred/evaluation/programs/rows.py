@@ -55,6 +55,7 @@ class Row(TypedDict):
         system: name of the bundled system.
         twin: name of the hidden truth.
         seed: of the recording and of the analyses.
+        budget: seconds on the clock that each analysis might take; null for the default.
         equations: the analysis with equations.
         program: the analysis through a function.
         calls: number of calls of the function.
@@ -65,6 +66,7 @@ class Row(TypedDict):
     system: str
     twin: str
     seed: int
+    budget: int | None
     equations: Answer
     program: Answer
     calls: int

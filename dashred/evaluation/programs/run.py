@@ -73,6 +73,7 @@ def _run_case(request: Request, copy: Path, case: Case) -> Row:
         system=case.system,
         twin=case.twin,
         seed=case.seed,
+        budget=request.budget,
         equations=equations,
         program=program,
         calls=int(calls),
@@ -96,6 +97,8 @@ def _analyse(
         "tracking.experiment=analysis",
         "tracking.model=false",
     ]
+    if request.budget is not None:
+        words.append(f"budget={request.budget}")
     began = time.perf_counter()
     try:
         with worker(copy) as current:

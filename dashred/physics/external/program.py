@@ -6,12 +6,12 @@ import re
 from collections.abc import Callable
 
 from dashred.physics.external.adapter import Adapter
-from dashred.physics.external.command.command import open_command
-from dashred.physics.external.command.layout import Layout
-from dashred.physics.external.fmu.description import Description, read_description
-from dashred.physics.external.fmu.fmu import FmuAdapter
-from dashred.physics.external.fmu.fmu_tangents import FmuTangents
-from dashred.physics.external.function import FunctionAdapter, open_function, open_run
+from dashred.physics.external.adapters.command.command import open_command
+from dashred.physics.external.adapters.command.layout import Layout
+from dashred.physics.external.adapters.fmu.description import Description, read_description
+from dashred.physics.external.adapters.fmu.fmu import FmuAdapter
+from dashred.physics.external.adapters.fmu.fmu_tangents import FmuTangents
+from dashred.physics.external.adapters.function import FunctionAdapter, open_function, open_run
 from dashred.physics.external.partial import PartialProgram
 from dashred.physics.external.protocol import Program, Stepper
 from dashred.physics.external.stepped import SteppedProgram
@@ -96,7 +96,7 @@ def describe_fmu(config: System, place: str) -> Description:
         place: location of this key.
 
     Raises:
-        InputError: see :func:`.fmu.description.read_description`.
+        InputError: see :func:`.adapters.fmu.description.read_description`.
     """
     simulator = config.simulator
     assert simulator is not None and simulator.fmu is not None

@@ -125,13 +125,17 @@ class SteppedProgram:
     def _step_or_find(self, batch: StateBatch) -> Array:
         """Return the states after a step, from earlier results where they are known."""
         results = self._results if self._keeps_results else self._recent
-        known = results.find(batch)
-        result = np.stack([batch.states[0] if r is None else r for r in known])
-        missing = [row for row, r in enumerate(known) if r is None]
+        keys = results.keys(batch)
+        known = results.find(keys)
+        result, missing = np.empty_like(batch.states), []
+        for row, earlier in enumerate(known):
+            if earlier is None or earlier.size != result[row].size:
+                missing.append(row)
+            else:
+                result[row] = earlier.reshape(result[row].shape)
         if missing:
-            rest = batch.take(missing)
-            result[missing] = found = self._step_all(rest)
-            results.keep(rest, found)
+            result[missing] = found = self._step_all(batch.take(missing))
+            results.keep([keys[row] for row in missing], found)
         return result
 
     def _open(self, batch: StateBatch) -> None:

@@ -40,7 +40,8 @@ class AddedFlow:
     """The flow L of the terms beside a program: ``u' = Σ ξ θ(u) + f(x, t)``.
 
     Attributes:
-        is_empty: whether there are no such terms.
+        is_empty: whether there are neither terms nor a forcing.
+        is_forcing_alone: whether there are no terms, so that L adds the same to every state.
 
     Args:
         system: its equations are what is added to the program.
@@ -59,6 +60,7 @@ class AddedFlow:
             forcing is not None and bool(forcing.coefficients.any())
         )
         self.is_empty = not has_terms and sampled_forcing is None
+        self.is_forcing_alone = not has_terms and sampled_forcing is not None
         parts = system, forcing, sampled_forcing
         self._advance = _spectral_step(*parts) if system.spectral else _explicit_step(*parts)
 

@@ -12,28 +12,21 @@ If the state has fewer values than there are columns, the differences are those 
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterator, Sequence
-from itertools import product
 from typing import Any, Protocol
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from dashred.physics.backends.torch_backend import Program as Expressions
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
 from dashred.physics.program_parameters import added_terms, changed_parameter
 from dashred.physics.solvers.forcing import Forcing
-from dashred.physics.solvers.rhs import dealias_mask
 from dashred.physics.solvers.schedule import Step, schedule
-from dashred.physics.solvers.splitting import AddedFlow, Flow, ProgramFlow, split_steps
+from dashred.physics.solvers.splitting import ProgramFlow, split_steps
 from dashred.physics.system import System, Term
+from dashred.physics.tangents.grid_columns import GridColumns
 from dashred.physics.tangents.ode_tangents import OdeColumns
-from dashred.physics.tangents.semilinear_rhs import with_terms
-
-# Rounding error of the added flow, and the smallest change in a difference.
-ROUNDING, SMALLEST = 1e-16, 1e-100
+from dashred.physics.tangents.step_tangents import carry, push
 
 
 @torch.no_grad()
@@ -72,7 +65,7 @@ def tangent_program(
     moved = {k: name for k, name in changed if name is not None}
     added_sources = [added_terms(terms) for terms in sources]
     parts = forcing and forcing.added(), added_sources, first, sampled_forcing, forcing_basis
-    added: HalfStep = _GridColumns(system, *parts) if system.axes else _OdeColumns(system, *parts)
+    added: HalfStep = GridColumns(system, *parts) if system.axes else _OdeColumns(system, *parts)
     columns = torch.zeros((added.count, *start.shape), dtype=torch.float64)
     columns[:first] = directions
     state, reach = start, torch.cat([start[None], directions]).abs()
@@ -132,130 +125,3 @@ class _OdeColumns:
         whole = Step(t, h, begins=True, ends=True, first=t, last=t + h)
         states, moved = self.columns.advance(state.numpy(), columns.numpy(), [whole])
         return torch.from_numpy(states[1]), torch.from_numpy(moved[1])
-
-
-def _with_law(system: System, forcing: Forcing | None) -> System:
-    """Return the system with the terms of a forcing of one row in its equations, for any batch."""
-    changed = copy.copy(system)
-    if forcing is not None:
-        [coefficients] = forcing.coefficients.tolist()
-        changed.resolved = with_terms(system, forcing.terms, coefficients)
-    return changed
-
-
-def carry(
-    flow: Flow, state: Tensor, columns: Tensor, t: float, h: float, small: Tensor
-) -> tuple[Tensor, Tensor]:
-    """Return the state after a step, and ``P'(u)`` times the columns.
-
-    Args:
-        flow: P.
-        state: u, ``(field, *grid)``.
-        columns: ``(column, field, *grid)``.
-        t: time.
-        h: step.
-        small: largest change of each field in a difference, ``(field,)``.
-    """
-    if state.numel() < len(columns):
-        unit = torch.eye(state.numel(), dtype=torch.float64).reshape(-1, *state.shape)
-        after, slopes = carry(flow, state, unit, t, h, small)
-        moved = columns.flatten(1) @ slopes.flatten(1)
-        return after, moved.reshape(columns.shape)
-    limit = small.clamp(min=SMALLEST).reshape(-1, *(1,) * (state.dim() - 1))
-    size = (columns / limit).flatten(1).abs().amax(dim=1)
-    # A column of zeros stays zero.
-    alive = torch.nonzero(size > 0)[:, 0]
-    scaled = size[alive].reshape(-1, *(1,) * state.dim())
-    ends = flow(torch.cat([state[None], state + columns[alive] / scaled]), t, h)
-    moved = torch.zeros_like(columns)
-    moved[alive] = (ends[1:] - ends[0]) * scaled
-    return ends[0], moved
-
-
-def push(
-    flow: ProgramFlow, state: Tensor, columns: Tensor, t: float, h: float
-) -> tuple[Tensor, Tensor]:
-    """Return what :func:`carry` does, with the tangents that the program offers."""
-    if state.numel() < len(columns):
-        unit = torch.eye(state.numel(), dtype=torch.float64).reshape(-1, *state.shape)
-        after, slopes = push(flow, state, unit, t, h)
-        return after, (columns.flatten(1) @ slopes.flatten(1)).reshape(columns.shape)
-    alive = torch.nonzero(columns.flatten(1).any(dim=1))[:, 0]
-    if not len(alive):
-        return flow(state[None], t, h)[0], columns
-    moved = torch.zeros_like(columns)
-    after, moved[alive] = flow.push(state, columns[alive], t, h)
-    return after, moved
-
-
-class _GridColumns:
-    """The half step of fields: differences of the flow, and half of the sources at both ends.
-
-    Args:
-        system: with a program.
-        forcing: as in :func:`tangent_program`, and so are the others.
-        sources: terms of further columns.
-        first: index of the first of these columns.
-        sampled_forcing: free forcing, one row.
-        forcing_basis: basis of a free forcing.
-    """
-
-    def __init__(
-        self,
-        system: System,
-        forcing: Forcing | None,
-        sources: Sequence[tuple[Term, ...]],
-        first: int,
-        sampled_forcing: SampledForcing | None,
-        forcing_basis: ForcingBasis | None,
-    ) -> None:
-        self.system, self.basis = system, forcing_basis
-        self.flow = AddedFlow(_with_law(system, forcing), None, sampled_forcing)
-        self.first, self.terms = first, len(sources)
-        self.driven = self.terms + (0 if forcing_basis is None else forcing_basis.count)
-        self.count = first + self.driven
-        self.places = [
-            (k, system.fields.index(term.equation))
-            for k, terms in enumerate(sources)
-            for term in terms
-        ]
-        self.values = Expressions([term.expression for terms in sources for term in terms])
-        dealias = system.spectral and system.config.integrator.dealias
-        self.mask = dealias_mask(system) if dealias else None
-
-    def __call__(
-        self, state: Tensor, columns: Tensor, t: float, h: float, reach: Tensor
-    ) -> tuple[Tensor, Tensor]:
-        """See :class:`HalfStep`."""
-        sources = h / 2 * self._sources(state, t)
-        columns = columns.clone()
-        columns[self.first :] += sources
-        after = state
-        if not self.flow.is_empty:
-            after, columns = carry(self.flow, state, columns, t, h, ROUNDING**0.5 * reach)
-            sources = h / 2 * self._sources(after, t + h)
-        columns[self.first :] += sources
-        return after, columns
-
-    def _sources(self, state: Tensor, t: float) -> Tensor:
-        """Return the sources ``(column, field, *grid)`` at a state ``(field, *grid)``."""
-        system, shape = self.system, self.system.grid.shape
-        found = torch.zeros((self.driven, *state.shape), dtype=torch.float64)
-        values = self.values(system.values(self._dealiased(state[None]), t), system.operators)
-        for (column, field), value in zip(self.places, values, strict=True):
-            points = torch.as_tensor(system.operators.on_grid(value), dtype=torch.float64)
-            found[column, field] += points.expand(1, *shape)[0]
-        if self.basis is not None:
-            fields, cells, courses = self.basis.shape
-            [hats] = self.basis.hats(np.array([t]))
-            places = product(range(fields), range(cells), range(courses))
-            for column, (field, cell, course) in enumerate(places, self.terms):
-                found[column, field] = self.basis.bumps[cell] * float(hats[course])
-        return self._dealiased(found)
-
-    def _dealiased(self, states: Tensor) -> Tensor:
-        """Return states ``(batch, field, *grid)`` without the highest modes, as for the law."""
-        if self.mask is None:
-            return states
-        dims, shape = self.system.grid.dims, self.system.grid.shape
-        return torch.fft.irfftn(torch.fft.rfftn(states, dim=dims) * self.mask, s=shape, dim=dims)

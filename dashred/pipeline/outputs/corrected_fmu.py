@@ -14,15 +14,15 @@ from dashred.inference.results.explanation import terms_of_law
 from dashred.physics.backends.input_signals import InputSignals
 from dashred.physics.expressions.algebra import ZERO
 from dashred.physics.external.adapter import ANY_TIME
-from dashred.physics.external.fmu.corrected.archive import write_fmu
-from dashred.physics.external.fmu.corrected.library import Correction, NotPossibleError
-from dashred.physics.external.fmu.description import (
+from dashred.physics.external.adapters.fmu.corrected.archive import write_fmu
+from dashred.physics.external.adapters.fmu.corrected.library import Correction, NotPossibleError
+from dashred.physics.external.adapters.fmu.description import (
     INTERFACES,
     MODEL_EXCHANGE,
     Description,
     read_description,
 )
-from dashred.physics.external.fmu.fmu import FmuAdapter
+from dashred.physics.external.adapters.fmu.fmu import FmuAdapter
 from dashred.physics.external.program import describe_fmu
 from dashred.physics.external.state_batch import ProgramError, StateBatch
 from dashred.physics.external.stepped_fields import stepped_fields

@@ -55,7 +55,9 @@ def test_the_equations_are_hidden(tmp_path: Path) -> None:
 
 def test_a_row_is_run_once_scored_and_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     output, page = f"output={tmp_path / 'out'}", f"document={tmp_path / 'page.md'}"
-    request = read_words(["programs", "run", "systems=mass_spring", "seeds=7", output, page])
+    request = read_words(
+        ["programs", "run", "systems=mass_spring", "seeds=7", "budget=900", output, page]
+    )
     config = load_config(["conf=mass_spring", "recording.twin=a"], entry="record")
     [true] = read_twin(config).terms
     seen: list[dict[str, str]] = []
@@ -91,10 +93,10 @@ def test_a_row_is_run_once_scored_and_told(tmp_path: Path, monkeypatch: pytest.M
     assert (row["calls"], row["states"], row["program"]["seconds"]) == (3, 40, 12.5)
     assert row["program"]["exact"] and row["program"]["deviation"] == pytest.approx(2.0)
     assert row["equations"]["problem"] == "the process was ended: exit code -9"
-    assert {told["seed"] for told in seen} == {"7"}
+    assert {(told["seed"], told["budget"]) for told in seen} == {("7", "900")}
     run.run_programs(request)
     assert len(seen) == 2
     words = ["programs", "document", f"output={request.output}", f"document={request.document}"]
     assert main(["evaluate", *words]) == DONE
     text = request.document.read_text()
-    assert "| a | 7 | missing-term | exact | 1 % | 2 |" in text
+    assert "| a | 7 | 900 | missing-term | exact | 1 % | 2 |" in text

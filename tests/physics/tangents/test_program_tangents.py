@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 import torch
 from torch import Tensor
@@ -106,6 +108,25 @@ def test_columns_of_a_field_are_those_of_its_equations(
     expected = stacked(tangent_linear(known, *parts, forcing_basis=basis))[1]
     found = stacked(tangent_program(program, *parts, forcing_basis=basis))[1]
     assert relative(found, expected).max() < limit
+
+
+@pytest.mark.parametrize("pushes", [True, False])
+def test_columns_of_a_forcing_without_a_law(make_system, pushes: bool) -> None:
+    heat = HEAT.replace("0.0125}", "0.0125, dealias: true}")
+    known = make_system(heat.replace("BODY", "equations: {u: kappa*lap(u)}"))
+    body = "simulator: {function: tests.programs.heat}"
+    words = "trust=tests.programs.heat", "recording.path=recorded.csv"
+    program = make_system(heat.replace("BODY", body), *words)
+    x = 2 * math.pi * torch.arange(32, dtype=torch.float64) / 32
+    start, waves = nominal_start(known)[0], torch.stack([x.sin(), (3 * x).cos()])[:, None]
+    basis = ForcingBasis.over(known, TIMES, 3, 5)
+    pushed = SampledForcing(TIMES[[0, -1]], torch.stack([x.sin(), -2 * x.sin()])[None, :, None])
+    parts = start, waves, TIMES, None, [terms(known, ("u", "u**2"))]
+    more = {"sampled_forcing": pushed if pushes else None, "forcing_basis": basis}
+    states, found = stacked(tangent_program(program, *parts, **more))
+    expected_states, expected = stacked(tangent_linear(known, *parts, **more))
+    torch.testing.assert_close(states, expected_states, rtol=1e-4, atol=1e-4)
+    assert relative(found, expected).max() < 1e-4
 
 
 def test_the_column_of_a_parameter_of_the_program_is_that_of_the_equations(make_system) -> None:

@@ -17,13 +17,13 @@ from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.physics.backends.input_signals import InputSignals
-from dashred.physics.external.fmu.corrected.archive import write_fmu
+from dashred.physics.external.adapters.fmu.corrected.archive import write_fmu
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.pipeline.outputs import corrected_fmu
 from dashred.pipeline.outputs.corrected_config import write_corrected
 from tests import laws
-from tests.physics.external.fmu.build import build
+from tests.physics.external.adapters.fmu.build import build
 from tests.pipeline.test_episodes_run import SMALL, findings_of
 
 TEXT = """

@@ -53,22 +53,21 @@ class KeptResults:
         """Keep how the program is called."""
         self._keep({self._key(b"conduct"): json.dumps(asdict(conduct)).encode()})
 
-    def find(self, batch: StateBatch) -> list[Array | None]:
-        """Return the result ``(field, *grid)`` of each state of a batch, or None."""
-        found = self._find([self._key_of_state(batch, row) for row in range(len(batch))])
-        shape = batch.states.shape[1:]
-        size = 8 * int(np.prod(shape))
-        return [
-            None if value is None or len(value) != size else np.frombuffer(value).reshape(shape)
-            for value in found
-        ]
+    def keys(self, batch: StateBatch) -> list[bytes]:
+        """Return the key of each state of a batch."""
+        return [self._key_of_state(batch, row) for row in range(len(batch))]
 
-    def keep(self, batch: StateBatch, results: Array) -> None:
+    def find(self, keys: Sequence[bytes]) -> list[Array | None]:
+        """Return the result ``(field * grid,)`` of each key, or None."""
+        found = self._find(keys)
+        return [None if value is None else np.frombuffer(value) for value in found]
+
+    def keep(self, keys: Sequence[bytes], results: Array) -> None:
         """Keep the results ``(batch, field, *grid)``, but not those of states that failed."""
         self._keep(
             {
-                self._key_of_state(batch, row): result.tobytes()
-                for row, result in enumerate(results)
+                key: result.tobytes()
+                for key, result in zip(keys, results, strict=True)
                 if np.isfinite(result).all()
             }
         )

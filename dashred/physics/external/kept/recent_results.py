@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Sequence
 from hashlib import blake2b
 
 import numpy as np
@@ -27,26 +28,26 @@ class RecentResults:
         self._results: OrderedDict[bytes, Array] = OrderedDict()
         self._bytes = 0
 
-    def find(self, batch: StateBatch) -> list[Array | None]:
-        """Return the result ``(field, *grid)`` of each state of a batch, or None."""
-        return [self._results.get(key) for key in _keys(batch)]
+    def keys(self, batch: StateBatch) -> list[bytes]:
+        """Return the key of each state of a batch."""
+        parameters = repr(sorted(batch.parameters.items())).encode()
+        inputs = [values for _, values in sorted(batch.inputs.items())]
+        clocks = np.stack([batch.t, batch.dt, *inputs], axis=1)
+        return [
+            blake2b(parameters + clock.tobytes() + state.tobytes(), digest_size=KEY_BYTES).digest()
+            for clock, state in zip(clocks, batch.states, strict=True)
+        ]
 
-    def keep(self, batch: StateBatch, results: Array) -> None:
+    def find(self, keys: Sequence[bytes]) -> list[Array | None]:
+        """Return the result ``(field, *grid)`` of each key, or None."""
+        return [self._results.get(key) for key in keys]
+
+    def keep(self, keys: Sequence[bytes], results: Array) -> None:
         """Keep the results ``(batch, field, *grid)``, also those of states that failed."""
-        for key, result in zip(_keys(batch), results, strict=True):
+        for key, result in zip(keys, results, strict=True):
             if key not in self._results:
                 self._results[key] = result.copy()
                 self._bytes += ENTRY_BYTES + result.nbytes
         while self._bytes > MOST_BYTES:
             _, result = self._results.popitem(last=False)
             self._bytes -= ENTRY_BYTES + result.nbytes
-
-
-def _keys(batch: StateBatch) -> list[bytes]:
-    parameters = repr(sorted(batch.parameters.items())).encode()
-    inputs = [values for _, values in sorted(batch.inputs.items())]
-    clocks = np.stack([batch.t, batch.dt, *inputs], axis=1)
-    return [
-        blake2b(parameters + clock.tobytes() + state.tobytes(), digest_size=KEY_BYTES).digest()
-        for clock, state in zip(clocks, batch.states, strict=True)
-    ]

@@ -10,7 +10,7 @@ import torch
 
 from dashred.core.errors import InputError
 from dashred.inference.segments.program_step import ProgramStep
-from dashred.physics.external.function import FunctionAdapter
+from dashred.physics.external.adapters.function import FunctionAdapter
 from dashred.physics.external.partial import PartialProgram
 from dashred.physics.external.stepped import SteppedProgram
 from dashred.physics.external.tangents.checked_tangents import CheckedTangents

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from dashred.core.errors import InputError
-from dashred.physics.external.call_limit import OverrunError, time_limit
-from dashred.physics.external.function import FunctionAdapter
-from dashred.physics.external.patience import Patience
+from dashred.physics.external.adapters.call_limit import OverrunError, time_limit
+from dashred.physics.external.adapters.function import FunctionAdapter
+from dashred.physics.external.adapters.patience import Patience
 from dashred.physics.external.stepped import SteppedProgram
 from dashred.physics.grids.grid import Grid
 
@@ -94,7 +94,7 @@ def test_nobody_waits_again_for_a_program_that_is_much_faster_elsewhere(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     clock = iter([0.0, 60.0])
-    monkeypatch.setattr("dashred.physics.external.patience.monotonic", lambda: next(clock))
+    monkeypatch.setattr("dashred.physics.external.adapters.patience.monotonic", lambda: next(clock))
     patience = Patience(60.0, each=0.05)
     with pytest.raises(OverrunError), patience.call(1):
         raise OverrunError
@@ -105,7 +105,7 @@ def test_a_program_keeps_the_time_that_it_has_needed_before(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     clock = iter([0.0, 0.001, 0.0, 20.0, 0.0, 60.0])
-    monkeypatch.setattr("dashred.physics.external.patience.monotonic", lambda: next(clock))
+    monkeypatch.setattr("dashred.physics.external.adapters.patience.monotonic", lambda: next(clock))
     patience = Patience(60.0)
     for count in (1, 5):
         with patience.call(count):

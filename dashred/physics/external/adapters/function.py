@@ -10,9 +10,10 @@ import numpy as np
 
 from dashred.core.errors import InputError
 from dashred.physics.external.adapter import ANY_TIME, SAME_TIME, SINGLE, Unread, Way
-from dashred.physics.external.call_limit import OverrunError, time_limit
+from dashred.physics.external.adapters.call_limit import OverrunError, time_limit
+from dashred.physics.external.adapters.patience import Patience
+from dashred.physics.external.adapters.user_code import last_words, load, place_of
 from dashred.physics.external.kept.contents import module_sha256
-from dashred.physics.external.patience import Patience
 from dashred.physics.external.state_batch import (
     Array,
     ProgramError,
@@ -26,7 +27,6 @@ from dashred.physics.external.tangents.function_tangents import (
     step_with_tangents,
     with_tangents,
 )
-from dashred.physics.external.user_code import last_words, load, place_of
 
 # The arrays of a call are its own, so a change is without effect; a function that changes them is
 # refused in the first calls, because it may also change what it has returned before.

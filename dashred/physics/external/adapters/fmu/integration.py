@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.physics.external.fmu.instance import Instance
+from dashred.physics.external.adapters.fmu.instance import Instance
 from dashred.physics.external.state_batch import Array, ProgramError
 
 # The step is halved until halving it changes the result by less than this share.

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 from xml.etree import ElementTree
 
-from dashred.physics.external.fmu.description import Description
+from dashred.physics.external.adapters.fmu.description import Description
 
 # What the original may be able to do, but the corrected FMU is not.
 LOST = (

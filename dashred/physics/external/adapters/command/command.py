@@ -11,11 +11,11 @@ from jinja2 import Template
 
 from dashred.core.errors import InputError
 from dashred.physics.external.adapter import ANY_TIME, SINGLE, Unread, Way
-from dashred.physics.external.command import netcdf_files, text_files
-from dashred.physics.external.command.layout import Layout
-from dashred.physics.external.command.process import run_process
+from dashred.physics.external.adapters.command import netcdf_files, text_files
+from dashred.physics.external.adapters.command.layout import Layout
+from dashred.physics.external.adapters.command.process import run_process
+from dashred.physics.external.adapters.patience import Patience
 from dashred.physics.external.kept.contents import files_sha256
-from dashred.physics.external.patience import Patience
 from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
 
 INPUT, OUTPUT = "{input}", "{output}"

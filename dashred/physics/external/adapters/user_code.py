@@ -11,7 +11,7 @@ from typing import Any
 from dashred.physics.external.trust import check_trusted
 
 # Code of libraries and of dashred: an error is reported at the user's own line that led there.
-OTHERS = ("site-packages", "dist-packages", "lib/python", "<frozen", str(Path(__file__).parents[2]))
+OTHERS = ("site-packages", "dist-packages", "lib/python", "<frozen", str(Path(__file__).parents[3]))
 
 
 def load(name: str, place: str) -> Any:

@@ -16,9 +16,9 @@ import pytest
 
 from dashred.core.errors import InputError
 from dashred.core.threads import use_threads
-from dashred.physics.external.command.command import open_command
-from dashred.physics.external.command.layout import Layout
-from dashred.physics.external.command.netcdf_files import InputWriter, read_output
+from dashred.physics.external.adapters.command.command import open_command
+from dashred.physics.external.adapters.command.layout import Layout
+from dashred.physics.external.adapters.command.netcdf_files import InputWriter, read_output
 from dashred.physics.external.state_batch import StateBatch
 from dashred.physics.external.stepped import SteppedProgram
 from dashred.physics.grids.grid import Axis, Grid
@@ -187,7 +187,9 @@ def test_a_program_that_hangs_is_ended_with_all_it_has_started(tmp_path: Path) -
 def test_a_program_that_nobody_waits_for_is_ended(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("dashred.physics.external.command.process.is_given_up", lambda: True)
+    monkeypatch.setattr(
+        "dashred.physics.external.adapters.command.process.is_given_up", lambda: True
+    )
     began = time.monotonic()
     with pytest.raises(InputError, match="has not ended"):
         stepped(text_program(tmp_path, "import time; time.sleep(60)"), states_of(1))

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.physics.external.fmu.description import MODEL_EXCHANGE, Description
+from dashred.physics.external.adapters.fmu.description import MODEL_EXCHANGE, Description
 from dashred.physics.external.state_batch import Array, ProgramError
 
 # Events at one time after which an FMU counts as stuck.

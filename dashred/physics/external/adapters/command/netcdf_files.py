@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
 from dashred.core.units import check_same_unit, check_unit
-from dashred.physics.external.command.layout import Layout
+from dashred.physics.external.adapters.command.layout import Layout
 from dashred.physics.external.state_batch import Array, ProgramError, StateBatch, read_fields
 
 # Names of the file's own dimension and variables, which no field and no input can have.

@@ -13,15 +13,15 @@ from tempfile import TemporaryDirectory
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from dashred.core.files.atomic import atomic_file
-from dashred.physics.external.fmu.corrected.library import (
+from dashred.physics.external.adapters.fmu.corrected.library import (
     Correction,
     NotPossibleError,
     compile_library,
     starts,
     write_source,
 )
-from dashred.physics.external.fmu.corrected.model_description import corrected_description
-from dashred.physics.external.fmu.description import MODEL_EXCHANGE, Description
+from dashred.physics.external.adapters.fmu.corrected.model_description import corrected_description
+from dashred.physics.external.adapters.fmu.description import MODEL_EXCHANGE, Description
 
 SOURCE = "documentation/corrected.c"
 XML = "modelDescription.xml"

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 from dashred.core.errors import InputError
-from dashred.physics.external.function import FunctionAdapter, run_as_step
+from dashred.physics.external.adapters.function import FunctionAdapter, run_as_step
 from dashred.physics.external.stepped import SteppedProgram
 from dashred.physics.grids.grid import Axis, Grid
 

@@ -11,11 +11,11 @@ import pytest
 from scipy.linalg import expm
 
 from dashred.core.errors import InputError
-from dashred.physics.external.fmu.description import read_description
-from dashred.physics.external.fmu.fmu import FmuAdapter
+from dashred.physics.external.adapters.fmu.description import read_description
+from dashred.physics.external.adapters.fmu.fmu import FmuAdapter
 from dashred.physics.external.stepped import SteppedProgram
 from dashred.physics.grids.grid import Grid
-from tests.physics.external.fmu.build import build
+from tests.physics.external.adapters.fmu.build import build
 
 PLACE = "mine.yaml:5"
 VARIABLES = {"v": "body.v"}

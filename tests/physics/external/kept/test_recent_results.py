@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import tracemalloc
+from hashlib import blake2b
 from typing import Any
 
 import numpy as np
 import pytest
 
-from dashred.physics.external.function import FunctionAdapter
+from dashred.physics.external.adapters.function import FunctionAdapter
 from dashred.physics.external.kept import recent_results
 from dashred.physics.external.state_batch import StateBatch
 from dashred.physics.external.stepped import SteppedProgram
@@ -66,6 +67,21 @@ def test_only_new_states_are_stepped() -> None:
     assert stepped(program, [1.0])[0] == first[0]
 
 
+def test_the_key_of_a_state_is_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    count = 0
+
+    def counted(*args: Any, **given: Any) -> Any:
+        nonlocal count
+        count += 1
+        return blake2b(*args, **given)
+
+    monkeypatch.setattr(recent_results, "blake2b", counted)
+    _, program = opened()
+    count = 0
+    stepped(program, [1.0, 2.0])
+    assert count == 2
+
+
 def test_a_state_that_failed_is_not_tried_again() -> None:
     decay, program = opened()
     for _ in range(2):
@@ -88,7 +104,7 @@ def test_their_memory_is_bounded_for_small_states_too(monkeypatch: pytest.Monkey
     tracemalloc.start()
     for part in range(4):
         states = np.arange(15000.0).reshape(5000, 3) + part / 8
-        results.keep(StateBatch(states, each, each, {}, PARAMETERS), states)
+        results.keep(results.keys(StateBatch(states, each, each, {}, PARAMETERS)), states)
     used, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert used < 2 * 2**20

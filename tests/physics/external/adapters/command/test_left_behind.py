@@ -10,19 +10,19 @@ from pathlib import Path
 
 import pytest
 
-from dashred.physics.external.command.left_behind import (
+from dashred.physics.external.adapters.command.left_behind import (
     MARK,
     end_left_behind,
     marked_environment,
 )
-from tests.physics.external.command.test_command import is_running
+from tests.physics.external.adapters.command.test_command import is_running
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="needs /proc")
 # A process that runs a program, which starts a daemon and ends.
 CALLER = """
 import sys
 from pathlib import Path
-from dashred.physics.external.command.process import run_process
+from dashred.physics.external.adapters.command.process import run_process
 run_process([sys.executable, "-S", "-E", "-c", sys.argv[2]], Path(sys.argv[1]), 20.0)
 """
 PROGRAM = """

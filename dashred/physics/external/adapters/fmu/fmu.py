@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dashred.physics.external.adapter import ANY_TIME, Unread, Way
-from dashred.physics.external.fmu.description import (
+from dashred.physics.external.adapters.fmu.description import (
     MODEL_EXCHANGE,
     SETTABLE,
     Description,
 )
-from dashred.physics.external.fmu.instance import Instance
-from dashred.physics.external.fmu.integration import (
+from dashred.physics.external.adapters.fmu.instance import Instance
+from dashred.physics.external.adapters.fmu.integration import (
     Reached,
     Step,
     longest_step,

@@ -11,7 +11,7 @@ from zipfile import ZipFile
 
 import pytest
 
-from dashred.physics.external.fmu.description import DIRECTIONAL
+from dashred.physics.external.adapters.fmu.description import DIRECTIONAL
 
 SOURCE = Path(__file__).with_name("oscillator.c")
 VARIABLES = {

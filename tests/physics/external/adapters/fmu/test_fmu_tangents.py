@@ -11,13 +11,13 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from dashred.inference.segments.program_step import ProgramStep
-from dashred.physics.external.fmu.description import read_description
-from dashred.physics.external.fmu.fmu import FmuAdapter
-from dashred.physics.external.fmu.fmu_tangents import FmuTangents
+from dashred.physics.external.adapters.fmu.description import read_description
+from dashred.physics.external.adapters.fmu.fmu import FmuAdapter
+from dashred.physics.external.adapters.fmu.fmu_tangents import FmuTangents
 from dashred.physics.external.state_batch import StateBatch
 from dashred.physics.external.stepped import SteppedProgram
 from dashred.physics.grids.grid import Grid
-from tests.physics.external.fmu.build import build
+from tests.physics.external.adapters.fmu.build import build
 
 MU, DT = 1.5, 0.4
 PARAMETERS = {"k": 1.0, "c": MU, "n": 0.0}

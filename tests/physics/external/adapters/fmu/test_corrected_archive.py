@@ -13,12 +13,12 @@ import torch
 
 from dashred.config import load_config
 from dashred.physics.backends.input_signals import InputSignals
-from dashred.physics.external.fmu.corrected.archive import write_fmu
-from dashred.physics.external.fmu.corrected.library import Correction, NotPossibleError
+from dashred.physics.external.adapters.fmu.corrected.archive import write_fmu
+from dashred.physics.external.adapters.fmu.corrected.library import Correction, NotPossibleError
 from dashred.physics.external.program import describe_fmu
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
-from tests.physics.external.fmu.build import build
+from tests.physics.external.adapters.fmu.build import build
 
 TEXT = """
 system:

@@ -14,7 +14,7 @@ from jinja2 import StrictUndefined, Template, TemplateError
 from jinja2.sandbox import SandboxedEnvironment
 
 from dashred.core.errors import InputError
-from dashred.physics.external.command.layout import Layout
+from dashred.physics.external.adapters.command.layout import Layout
 from dashred.physics.external.state_batch import Array, ProgramError, StateBatch
 
 

@@ -12,10 +12,20 @@ from typing import Any
 from dashred.core.templates import render
 from dashred.physics.expressions.algebra import Expr, Number, names, substitute
 from dashred.physics.expressions.c_code import DEFINITIONS, c_code
-from dashred.physics.external.fmu.corrected.functions import OWN, REFUSED, headers, read_functions
-from dashred.physics.external.fmu.description import CO_SIMULATION, REALS, SETTABLE, Description
+from dashred.physics.external.adapters.fmu.corrected.functions import (
+    OWN,
+    REFUSED,
+    headers,
+    read_functions,
+)
+from dashred.physics.external.adapters.fmu.description import (
+    CO_SIMULATION,
+    REALS,
+    SETTABLE,
+    Description,
+)
 
-TEMPLATES = "physics/external/fmu/corrected/templates"
+TEMPLATES = "physics/external/adapters/fmu/corrected/templates"
 SECONDS = 60.0
 LAST_LINES = 5
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dashred.physics.external.function import FunctionAdapter
+from dashred.physics.external.adapters.function import FunctionAdapter
 from dashred.physics.external.kept import kept_results
 from dashred.physics.external.stepped import SteppedProgram
 from dashred.physics.grids.grid import Grid

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from dashred.core.progress import say
 from dashred.physics.external.adapter import ANY_TIME, Unread, Way
-from dashred.physics.external.fmu.fmu import FmuAdapter, Given
-from dashred.physics.external.fmu.instance import Instance, NoDerivativesError
+from dashred.physics.external.adapters.fmu.fmu import FmuAdapter, Given
+from dashred.physics.external.adapters.fmu.instance import Instance, NoDerivativesError
 from dashred.physics.external.state_batch import Array, StateBatch
 from dashred.physics.external.tangents.checked_tangents import MOST_ERROR
 from dashred.physics.external.tangents.function_tangents import with_tangents

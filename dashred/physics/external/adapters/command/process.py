@@ -13,7 +13,7 @@ from pathlib import Path
 
 from dashred.core.budget import duration
 from dashred.core.threads import is_given_up
-from dashred.physics.external.command.left_behind import marked_environment
+from dashred.physics.external.adapters.command.left_behind import marked_environment
 from dashred.physics.external.state_batch import ProgramError
 
 # Seconds between looks at whether a process is still waited for.

@@ -1,0 +1,1 @@
+"""Kinds of programs: a function in Python, an FMU, a command."""
