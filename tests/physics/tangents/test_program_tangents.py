@@ -122,9 +122,11 @@ def test_columns_of_a_forcing_without_a_law(make_system, pushes: bool) -> None:
     basis = ForcingBasis.over(known, TIMES, 3, 5)
     pushed = SampledForcing(TIMES[[0, -1]], torch.stack([x.sin(), -2 * x.sin()])[None, :, None])
     parts = start, waves, TIMES, None, [terms(known, ("u", "u**2"))]
-    more = {"sampled_forcing": pushed if pushes else None, "forcing_basis": basis}
-    states, found = stacked(tangent_program(program, *parts, **more))
-    expected_states, expected = stacked(tangent_linear(known, *parts, **more))
+    force = pushed if pushes else None
+    states, found = stacked(tangent_program(program, *parts, force, basis))
+    expected_states, expected = stacked(
+        tangent_linear(known, *parts, sampled_forcing=force, forcing_basis=basis)
+    )
     torch.testing.assert_close(states, expected_states, rtol=1e-4, atol=1e-4)
     assert relative(found, expected).max() < 1e-4
 
