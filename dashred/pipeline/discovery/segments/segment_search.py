@@ -25,6 +25,10 @@ STAGE = "search over segments"
 START_FACTOR = 3.0
 # Samples per segment; shorter segments are tried if the misfit is above this limit.
 SEGMENT_SAMPLES, LOST = (4, 2, 1), 1e3
+# Residuals below this share of the first σ say nothing. That σ is a hundredth of a trace or more,
+# so this is the step of a 16-bit converter. The rounding and integration errors of whatever made
+# readings without noise would otherwise prove terms of their own size.
+LEAST_NOISE = 1e-3
 
 
 def search_library(problem: Problem, nominal: NominalRun) -> SegmentSearch | None:
@@ -104,6 +108,7 @@ def _search_record(
         start_std=START_FACTOR * record.start_std,
         prior_std=scales.coefficient,
         parameters=parameters,
+        least_std=LEAST_NOISE * record.noise_std,
         deadline=deadline,
     )
     searched = search(weak, record.guesses, scales)
