@@ -1,5 +1,6 @@
 """The findings in two sentences, for a reader who knows the system but not the statistics."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -49,6 +50,8 @@ def headline(findings: Mapping[str, Any], mostly: Sequence[str] = ()) -> str:
 def gain(findings: Mapping[str, Any]) -> tuple[str, float] | None:
     """Return the first held-out data there are, and the factor by which the error decreases.
 
+    The factor is 0 if the corrected run alone blows up. Data on which the simulation blows up are
+    left out.
     For a law that is not confirmed they are the first data that contradict it. For a faulty sensor
     they are not the test sensors, which have no fault. In a chaotic system a law is compared with
     the simulation over the times that can be predicted.
@@ -66,10 +69,12 @@ def gain(findings: Mapping[str, Any]) -> tuple[str, float] | None:
             law = compared[key]
             # The table has no error over the times that can be predicted.
             if law["horizon"] is not None or contradicted:
-                before, after = law["before"], law["after"]
+                before = law["before"]
+                # Null stands for the error of a run that blows up.
+                after = math.inf if law["after"] is None else law["after"]
         if contradicted and not compared.get(key, {}).get("worse"):
             continue
-        if before is not None and after is not None and before > 0 and after > 0:
+        if before is not None and after is not None and 0 < before < math.inf and after > 0:
             return key, before / after
     return None
 
@@ -160,7 +165,9 @@ def _improvement(findings: Mapping[str, Any]) -> str | None:
         return None
     key, ratio = found
     change = "unchanged"
-    if ratio >= SAME:
+    if ratio == 0:
+        change = "beyond all bounds"
+    elif ratio >= SAME:
         change = f"{_times(ratio)} smaller"
     elif ratio <= 1 / SAME:
         change = f"{_times(1 / ratio)} larger"
