@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from dashred.core.budget import Deadline
+from dashred.inference.fit.noise_model import LEAST_NOISE
 from dashred.inference.forward.candidates import Candidate, build_candidates
 from dashred.inference.forward.parameter_block import split_parameters
 from dashred.inference.segments.natural_scales import natural_scales
@@ -25,10 +26,6 @@ STAGE = "search over segments"
 START_FACTOR = 3.0
 # Samples per segment; shorter segments are tried if the misfit is above this limit.
 SEGMENT_SAMPLES, LOST = (4, 2, 1), 1e3
-# Residuals below this share of the first σ say nothing. That σ is a hundredth of a trace or more,
-# so this is the step of a 16-bit converter. The rounding and integration errors of whatever made
-# readings without noise would otherwise prove terms of their own size.
-LEAST_NOISE = 1e-3
 
 
 def search_library(problem: Problem, nominal: NominalRun) -> SegmentSearch | None:
