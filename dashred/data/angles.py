@@ -56,11 +56,13 @@ def continue_angles(
 def _continue(
     system: System, recording: Recording, wrapped: Sequence[str], where: str
 ) -> Recording:
-    values = recording.values.copy()
+    values, units = recording.values.copy(), dict(recording.units)
     for column, sensor in enumerate(recording.sensors):
         if sensor.name not in wrapped and sensor.reads not in wrapped:
             continue
         turn = _full_turn(system, recording, sensor, where)
+        # Without a unit it is in radians, and may be the argument of a sine.
+        units.setdefault(sensor.reads, system.units.get(sensor.reads, "rad"))
         seen = np.isfinite(values[:, column])
         _check_span(sensor, values[seen, column], turn, where)
         continued = _unwrap(values[seen, column], turn)
@@ -69,7 +71,7 @@ def _continue(
         if start is not None and len(continued):
             continued = continued - turn * round((continued[0] - start) / turn)
         values[seen, column] = continued
-    return replace(recording, values=values)
+    return replace(recording, values=values, units=units)
 
 
 def _full_turn(system: System, recording: Recording, sensor: Sensor, where: str) -> float:

@@ -150,12 +150,13 @@ def calls(expr: algebra.Expr, functions: Set[str]) -> Iterator[algebra.Expr]:
 def _pointwise(fields: Sequence[str], angles: Set[str]) -> Iterator[str]:
     for f in fields:
         yield from (f"abs({f})*{f}", f"sign({f})")
-        if f in angles or len(fields) == 1:
+        if f in angles:
             yield from (f"sin({f})", f"cos({f})", f"sin(2*{f})")
     if len(fields) == 1:
         f = fields[0]
-        yield from (f"cos(2*{f})", f"tanh({f})", f"exp(-{f}**2)", f"abs({f})")
-        yield from (f"{f}*sin({f})", f"{f}*cos({f})", f"{f}**6", f"{f}**7", f"sin(3*{f})")
+        yield from (f"tanh({f})", f"exp(-{f}**2)", f"abs({f})", f"{f}**6", f"{f}**7")
+        if f in angles:
+            yield from (f"cos(2*{f})", f"{f}*sin({f})", f"{f}*cos({f})", f"sin(3*{f})")
 
 
 def _derivatives_on_a_line(fields: Sequence[str], x: str) -> Iterator[str]:

@@ -46,13 +46,17 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     system = System(config.system, config.where, device=torch.device(config.device))
     if system.program is not None:
         system.program.forget_failures()
-    library = build_library(system, config.library)
+    declared = system
     read = read_recorded(config, system) if recorded is None else recorded
     sha256 = read.sha256()
     system, read, subtracted, described = readings_of_state(config, system, read)
     # The system and the recording may each state units. The reader has converted the values.
     units = {**read.episodes[0].recording.units, **system.units}
     system = system.with_config(replace(system.config, units=units))
+    # The unit of a column tells which fields are angles.
+    library = build_library(
+        declared.with_config(replace(declared.config, units=units)), config.library
+    )
     every, snapshots = config.recording.every, _snapshots(system, read)
     if snapshots is not None:
         every = snapshots.clock_step(native_step(read.episodes[0].recording.times), every)

@@ -95,7 +95,9 @@ def with_time_step(
             tried = coarse.dt
             change, along = _change(coarse, fine, recording, allowed, deadline)
             if change <= 1 and is_stable(coarse, along, deadline.check):
-                why = f"time step: {tried:.6g}{of}, chosen for an error far below the noise"
+                why = (
+                    f"time step: {tried:.6g}{of}, whose error without a law is far below the noise"
+                )
                 return fixed.with_step(tried), why
     except OutOfTimeError:
         # The check of the resolution tells whether it suffices.

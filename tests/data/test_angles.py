@@ -112,6 +112,7 @@ def test_other_sensors_stay(system: System) -> None:
     assert continue_angles(system, found, (), "here") is found
     done = continue_angles(system, found, ("theta",), "here")
     np.testing.assert_array_equal(done.episodes[0].recording.values[:, 1], 1.0)
+    assert done.episodes[0].recording.units == {"theta": "rad"}
 
 
 def test_a_rotor_that_is_too_fast_is_refused(system: System) -> None:

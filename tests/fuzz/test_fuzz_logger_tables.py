@@ -37,7 +37,8 @@ class Tank:
 
 NAMES = st.sampled_from(
     ["time", "Time (s)", "t", "T", "u", "T (degC)", "Heater 1 (%)", "x-axis", "Subject", "1", "",
-     "date", "rownames", "sensor", "value", "u [m", "Größe", "lambda", "(s)", '"u, v"', "episode"]
+     "date", "rownames", "sensor", "value", "u [m", "Größe", "lambda", "(s)", '"u, v"', "episode",
+     '"u, m"', "#", '"T, °C (S/N: 1, LBL: a)"', '"Date Time, GMT-05:00"', '"u, 1"', '", m"']
 )  # fmt: skip
 LINES = st.sampled_from(
     ["A logger", '"TOA5","a","b"', "# comment", "", "second,volt,-", "s;V;V", "Run #1,Run #1,u",
@@ -46,7 +47,8 @@ LINES = st.sampled_from(
 CELLS = st.sampled_from(
     ["", "1", "-2.5", "1,5", "nan", "inf", "a", "12:30:00", "2024-05-01", "1e400"]
 )
-CLOCKS = st.sampled_from(["{:.1f}", "2024-05-01 00:{:02.0f}", "{:.0f}:00:00", "{:.0f}", "x{:.0f}"])
+CLOCKS = st.sampled_from(["{:.1f}", "2024-05-01 00:{:02.0f}", "{:.0f}:00:00", "{:.0f}", "x{:.0f}",
+                          "06/{:02.0f}/24 01:00 PM", "06/01/24 {:02.0f}:00"])  # fmt: skip
 COLUMNS = st.one_of(
     st.none(),
     st.lists(NAMES, min_size=1, max_size=4),

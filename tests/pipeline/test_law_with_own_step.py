@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from dashred.config import load_config
+from dashred.core.budget import Budget
 from dashred.inference.segments.findings.segment_laws import law_from_segments
 from dashred.pipeline.build_problem import build_problem
+from dashred.pipeline.discovery.segments import segment_stage
 from dashred.pipeline.discovery.segments.segment_stage import search_in_segments
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 from dashred.pipeline.simulation.numerical_error import numerical_error
@@ -31,7 +34,9 @@ CUBIC, NOISE = -10.0, 0.002
 
 
 @pytest.mark.slow
-def test_a_law_faster_than_the_simulation_is_searched_with_a_shorter_step(tmp_path: Path) -> None:
+def test_a_law_faster_than_the_simulation_is_searched_with_a_shorter_step(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     times = np.arange(0, 20, 0.4)
     found = solve_ivp(
         lambda t, u: [u[1], -u[0] - 0.1 * u[1] + CUBIC * u[1] ** 3],
@@ -57,3 +62,10 @@ def test_a_law_faster_than_the_simulation_is_searched_with_a_shorter_step(tmp_pa
     assert abs(float(law.coefficients[0]) - CUBIC) < 0.02
     error = numerical_error(problem, law, problem.fit_noise_std())
     assert error is not None and error <= 1
+
+    # Without time for a second search, the findings say that the law needs a shorter step.
+    late = replace(chosen, budget=Budget.begin(1e-9))
+    monkeypatch.setattr(segment_stage, "_search_about_parameters", lambda *_: (late, search))
+    same, unchanged = search_in_segments(late, simulate_nominal(chosen, {}), {})
+    assert same is late and unchanged is search
+    assert any("that the law needs" in what for what in late.budget.not_tried)

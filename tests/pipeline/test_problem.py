@@ -53,12 +53,16 @@ def traces(samples: int = 60) -> NDArray[np.float64]:
 def test_angles_are_continued(make_problem) -> None:
     angle = traces() * 2.5
     wrapped = (angle + np.pi) % (2 * np.pi) - np.pi
-    problem, plain = make_problem(wrapped, "recording.angles=[u]"), make_problem(angle)
+    problem = make_problem(wrapped, "recording.angles=[u]", "library=null")
+    plain = make_problem(angle, "library=null")
     for found, expected in zip(problem.split.fit.values.T, plain.split.fit.values.T, strict=True):
         turns = (found - expected) / (2 * np.pi)
         np.testing.assert_allclose(turns, np.round(turns[0]), atol=1e-9)
     assert np.abs(np.diff(wrapped, axis=0)).max() > 5
     assert problem.noise == pytest.approx(plain.noise)
+    # The sine of an angle is a candidate, that of another quantity is not.
+    assert "sin(u)" in {str(term) for term in problem.library}
+    assert "sin(u)" not in {str(term) for term in plain.library}
 
 
 def test_an_estimated_noise_has_not_seen_what_is_held_out(make_problem) -> None:

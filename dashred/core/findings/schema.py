@@ -74,7 +74,7 @@ class Comparison(TypedDict):
     99 % interval, or null if there are too few samples. `samples` is the number of times. The runs
     of a chaotic system are compared until both are lost: `horizon` is the time from their beginning
     to then. It is null if they are compared to their end. `worse` tells whether the law increases
-    the error by more than `error`.
+    the error by more than `error`, or makes a run blow up.
     """
 
     data: HeldOutData

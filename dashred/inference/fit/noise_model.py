@@ -12,6 +12,10 @@ from torch import Tensor
 # A correlation below this many standard errors is set to zero.
 SIGNIFICANT = 3.0
 LARGEST_CORRELATION = 0.99
+# Residuals below this share of the σ before any fit say nothing. That σ is a hundredth of a trace
+# or more, so this is the step of a 16-bit converter. The rounding and integration errors of
+# whatever made readings without noise would otherwise prove terms of their own size.
+LEAST_NOISE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -26,6 +30,7 @@ class NoiseModel:
         relative: σ of every sample as a factor of its sensor's σ, ``(time, sensor)``; None for 1.
         at_stop: which samples are at the stop of a sensor, and say nothing of its noise,
             ``(time, sensor)``; None without any.
+        least_std: σ that no estimate undercuts, ``(sensor,)``.
     """
 
     std: Tensor
@@ -33,6 +38,7 @@ class NoiseModel:
     available: Tensor
     relative: Tensor | None = None
     at_stop: Tensor | None = None
+    least_std: Tensor | None = None
 
     @property
     def count(self) -> int:
@@ -53,7 +59,7 @@ class NoiseModel:
         """Return the model of some samples."""
         relative = None if self.relative is None else self.relative[samples]
         at_stop = None if self.at_stop is None else self.at_stop[samples]
-        return NoiseModel(self.std, self.correlation, self.available[samples], relative, at_stop)
+        return replace(self, available=self.available[samples], relative=relative, at_stop=at_stop)
 
     def whiten(self, values: Float[Tensor, "*batch time sensor"]) -> Tensor:
         """Return values whitened to independent noise of variance 1; missing ones are zero."""
@@ -102,6 +108,8 @@ class NoiseModel:
             if not math.isfinite(mean):
                 continue
             std[in_group] *= max(math.sqrt(mean / left), 1e-12)
+            if self.least_std is not None:
+                std[in_group] = torch.maximum(std[in_group], self.least_std[in_group])
             scaled = resized[:, in_group] / std[in_group]
             correlation[in_group] = _lag_one(scaled, noisy[:, in_group])
         return replace(self, std=std, correlation=correlation)

@@ -129,8 +129,7 @@ def screen(
 
 def least_level(found: SegmentSearch, screened: Sequence[Screened]) -> float:
     """Return the lowest misfit per reading, of the best law or with a hidden state."""
-    least = min((each.cost for each in screened), default=math.inf)
-    return max(min(least, found.best.fit.cost) / found.problem.segments.seen, 1e-12)
+    return found.problem.level([found.best.fit.cost, *(each.cost for each in screened)])
 
 
 def time_constants(found: SegmentSearch) -> list[float]:

@@ -84,7 +84,7 @@ def search_hidden_states(
     fits = [fit for fit in fits if math.isfinite(fit.fit.cost)]
     if not fits:
         return None
-    level = min(fit.fit.cost for fit in fits) / found.problem.segments.seen
+    level = found.problem.level(fit.fit.cost for fit in fits)
     own = term_price(found.problem)
     best = min(fits, key=lambda fit: fit.fit.cost / level + own * len(fit.members))
     return _selected(found, best, price)
@@ -145,7 +145,7 @@ def _ranked(
     problem: WeakConstraintProblem, laws: Sequence[SegmentLaw], gain: int, price: float
 ) -> list[SegmentLaw]:
     """Return the laws with their scores under the same noise, the best first."""
-    level = max(min(law.fit.cost for law in laws) / problem.segments.seen, 1e-12)
+    level = problem.level(law.fit.cost for law in laws)
     own = term_price(problem)
     scored = [
         replace(

@@ -12,7 +12,7 @@ trajectory (Trémolet, *Accounting for an imperfect model in 4D-Var*, 2006).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +26,9 @@ from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import Array, Segments
 from dashred.inference.segments.state_sensors import ReadChanges, StateSensors
 from dashred.inference.segments.walks import NO_WALKS, Walks
+
+# The misfit per reading of a perfect fit is rounding error.
+SMALLEST_LEVEL = 1e-12
 
 
 @dataclass(frozen=True)
@@ -43,6 +46,7 @@ class WeakConstraintProblem:
         prior_std: d, ``(candidate,)``.
         walks: forces and sensor errors.
         parameters: uncertain parameters, with c̄ and s.
+        least_std: σ that cannot be undercut, ``(sensor,)``: residuals below it say nothing.
         deadline: time at which fits of it end.
     """
 
@@ -56,6 +60,7 @@ class WeakConstraintProblem:
     prior_std: Array
     walks: Walks = NO_WALKS
     parameters: ParameterBlock = NO_PARAMETERS
+    least_std: Array | float = 0.0
     deadline: Deadline = NEVER
 
     @property
@@ -83,8 +88,16 @@ class WeakConstraintProblem:
         return replace(self, model_error=model_error, prior_std=prior_std)
 
     def with_noise(self, noise_std: Array) -> WeakConstraintProblem:
-        """Return F with another σ."""
-        return replace(self, noise_std=noise_std)
+        """Return F with another σ, or the least one where that is larger."""
+        return replace(self, noise_std=np.maximum(noise_std, self.least_std))
+
+    def level(self, costs: Iterable[float]) -> float:
+        """Return the misfit per reading of the best of some fits, or that of the least σ.
+
+        It is the ratio of estimated to assumed σ².
+        """
+        least = float(np.square(self.least_std / self.noise_std).max())
+        return max(min(costs, default=np.inf) / self.segments.seen, least, SMALLEST_LEVEL)
 
     def terms(self, point: Point, members: Sequence[int]) -> tuple[tuple[Candidate, ...], Array]:
         """Return some candidates and their coefficients."""

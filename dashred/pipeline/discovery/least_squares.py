@@ -11,7 +11,7 @@ from dashred.data.stated.relative_noise import Array
 from dashred.data.stated.saturation import Mask, at_stop
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.noise_model import NoiseModel
+from dashred.inference.fit.noise_model import LEAST_NOISE, NoiseModel
 from dashred.inference.forward.candidate_simulator import CandidateSimulator
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.episodes import stack_readings, stack_times
@@ -85,6 +85,7 @@ def fit_noise(problem: Problem) -> NoiseModel:
         ~torch.isnan(recorded),
         stack_samples(sizes, torch.ones_like(recorded)),
         stack_samples(stops, torch.zeros_like(recorded, dtype=torch.bool)),
+        LEAST_NOISE * std,
     )
 
 

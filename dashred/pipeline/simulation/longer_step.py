@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
+from dashred.physics.runs.step_stability import Along, is_stable
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.pipeline.problem import Problem
@@ -20,10 +21,11 @@ SAMPLES, MOST_SEGMENTS = 3, 5
 
 @torch.no_grad()
 def with_longer_step(problem: Problem, nominal: NominalRun) -> Problem:
-    """Return the problem with the longest time step that changes the readings little.
+    """Return the problem with the longest stable time step that changes the readings little.
 
     The changes of short segments are added up over the record, because a chaotic simulation
-    amplifies any difference. A step that the configuration states is kept.
+    amplifies any difference. What a step that is too long amplifies does not show in them. A step
+    that the configuration states is kept.
 
     Args:
         problem: recording and settings.
@@ -36,7 +38,7 @@ def with_longer_step(problem: Problem, nominal: NominalRun) -> Problem:
     std = ObservationOperator(problem.split.fit.sensors, system)(path).std(dim=0)
     count = (len(path) - 1) / SAMPLES
     interval = float(problem.times.diff().min())
-    longest = None
+    accurate = []
     for factor in FACTORS:
         dt = factor * system.dt
         if dt > 1.001 * interval:
@@ -46,8 +48,23 @@ def with_longer_step(problem: Problem, nominal: NominalRun) -> Problem:
         # Written with "not", because the values may be NaN.
         if not float(error.max()) < LIMIT:
             break
-        longest = dt
-    return problem if longest is None else problem.with_longer_step(longest)
+        accurate.append(dt)
+    middle = len(path) // 2
+    along = Along(
+        path[middle : middle + 1],
+        problem.times[middle : middle + 1],
+        float(problem.times[-1]),
+        float(problem.times[-1] - problem.times[0]),
+    )
+    for dt in reversed(accurate):
+        # Most programs choose their own stable steps, and a call may take long.
+        if system.program is not None or is_stable(system.with_step(dt), along, _go_on):
+            return problem.with_longer_step(dt)
+    return problem
+
+
+def _go_on() -> None:
+    """The time of this check is small against that of the ensemble."""
 
 
 def _ends_of_segments(problem: Problem, path: Tensor, system: System) -> Tensor:

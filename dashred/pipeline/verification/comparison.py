@@ -124,15 +124,18 @@ def _compare(
     error = _error_of_mean(differences)
     is_cut = sum(len(part.times) for part in compared) < sum(len(part.times) for part in parts)
     horizon = max(float(part.times[-1] - part.times[0]) for part in compared)
+    before, after = (pooled_rmse(compared, method) for method in (BEFORE, AFTER))
+    # Of few samples no error bar is known, but a run that blows up needs none.
+    blows_up = math.isinf(after) and math.isfinite(before)
     return Comparison(
         data=data,
-        before=pooled_rmse(compared, BEFORE),
-        after=pooled_rmse(compared, AFTER),
+        before=before,
+        after=after,
         difference=mean,
         error=error,
         samples=sum(map(len, differences)),
         horizon=horizon if is_cut else None,
-        worse=error is not None and mean > error,
+        worse=blows_up or (error is not None and mean > error),
     )
 
 

@@ -70,7 +70,7 @@ def gain(findings: Mapping[str, Any]) -> tuple[str, float] | None:
             law = compared[key]
             # The table has no error over the times that can be predicted.
             if law["horizon"] is not None or contradicted:
-                before, after = law["before"], law["after"]
+                before, after = _error(law["before"]), _error(law["after"])
         if contradicted and not compared.get(key, {}).get("worse"):
             continue
         if before is None or after is None or not (before > 0 and after > 0):
@@ -78,6 +78,11 @@ def gain(findings: Mapping[str, Any]) -> tuple[str, float] | None:
         if math.isfinite(before) or math.isfinite(after):
             return key, before / after
     return None
+
+
+def _error(stored: float | None) -> float:
+    """Return an error; null stands for that of a run that blows up."""
+    return math.inf if stored is None else stored
 
 
 def _conclusion(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:

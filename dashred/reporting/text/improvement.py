@@ -108,13 +108,19 @@ def contradictions(findings: Mapping[str, Any]) -> list[str]:
             "simulation lacks is more likely. Errors in standard deviations of the noise: "
             f"{errors}."
         ]
-    return [
-        f"{HELD_OUT[each['data']]} the error is {_size(each['after'])} with the suggested law, and "
-        f"{_size(each['before'])} for the simulation from its best start. The mean squared error "
-        f"is larger by {' ± '.join(rounded(each['difference'], each['error']))} (99 % interval)."
-        for each in findings["fit"]["comparisons"]
-        if each["worse"]
-    ]
+    return [_contradiction(each) for each in findings["fit"]["comparisons"] if each["worse"]]
+
+
+def _contradiction(compared: Mapping[str, Any]) -> str:
+    before, after, error = (compared[key] for key in ("before", "after", "error"))
+    line = (
+        f"{HELD_OUT[compared['data']]} the error is {_size(after)} with the suggested law, and "
+        f"{_size(before)} for the simulation from its best start."
+    )
+    if error is None:
+        return line
+    larger = " ± ".join(rounded(compared["difference"], error))
+    return f"{line} The mean squared error is larger by {larger} (99 % interval)."
 
 
 def _predictable(findings: Mapping[str, Any], key: str) -> str:

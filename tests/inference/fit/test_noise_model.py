@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -199,3 +200,12 @@ def test_groups_without_samples_keep_their_sigma() -> None:
     after = before.estimate(residuals, ["q", "p"], 2)
     assert float(after.std[0]) == pytest.approx(0.2, rel=0.3)
     assert float(after.std[1]) == 0.3
+
+
+def test_readings_without_noise_have_the_least_one() -> None:
+    least = torch.tensor([1e-3, 2e-3], dtype=torch.float64)
+    begun = replace(model([1.0, 2.0], 0.0, everywhere(100, 2)), least_std=least)
+    exact = begun.part(slice(80)).estimate(1e-9 * white(80, 2), ["u", "u"], 3.0)
+    torch.testing.assert_close(exact.std, least)
+    noisy = begun.estimate(0.1 * white(100, 2), ["u", "v"], 3.0)
+    assert (noisy.std > 0.05).all()

@@ -112,7 +112,7 @@ def convection(tmp_path_factory: pytest.TempPathFactory) -> Convection:
 def find(convection: Convection) -> Find:
     """Search the law of readings of x and y, ``(time, sensor)`` of each episode."""
 
-    def run(*readings: Array) -> SegmentSearch:
+    def run(*readings: Array, least_std: float = 0.0) -> SegmentSearch:
         count = len(readings)
         segments = cut([TIMES] * count, readings)
         simulator = SegmentSimulator([convection.system] * count, segments, 4)
@@ -127,6 +127,7 @@ def find(convection: Convection) -> Find:
             candidates=chosen,
             start_mean=means,
             prior_std=np.ones(len(chosen)),
+            least_std=least_std,
         )
         return search(problem, guesses, scales)
 

@@ -68,6 +68,38 @@ def test_a_step_at_which_the_readings_change_is_not_used(tmp_path: Path) -> None
     assert with_longer_step(quick, nominal).longer_dt is None
 
 
+WAVES = """
+system:
+  title: waves of two coupled fields
+  axes: {x: {length: 10, points: 64}}
+  fields: {p: real part, q: imaginary part}
+  equations: {p: -0.5*lap(q), q: 0.5*lap(p)}
+  start: {p: 1 + 0.3*cos(2*pi*x/10), q: 0}
+  spread: {p: 0.2, q: 0.2}
+  integrator: {dt: 0.0125}
+recording: {path: waves.csv, sensors: places.csv}
+"""
+
+
+def test_a_step_that_amplifies_rounding_errors_is_not_used(tmp_path: Path) -> None:
+    """The largest wavenumber turns by ``k²/2 dt``, and the method bears no more than 2.8."""
+    times = 0.025 * np.arange(101)
+    turns = 0.5 * (2 * np.pi / 10) ** 2 * times
+    rows = [times, *(1 + 0.3 * np.cos(turns) * np.cos(2 * np.pi * x / 10) for x in (0, 2, 4, 6, 8))]
+    header = "time,a,b,c,d,e"
+    np.savetxt(
+        tmp_path / "waves.csv", np.column_stack(rows), delimiter=",", header=header, comments=""
+    )
+    places = [f"{name},p,{x}" for name, x in zip("abcde", (0, 2, 4, 6, 8), strict=True)]
+    (tmp_path / "places.csv").write_text("\n".join(["name,field,x", *places]) + "\n")
+    (tmp_path / "case.yaml").write_text(WAVES)
+    problem = build_problem(load_config([f"conf={tmp_path / 'case.yaml'}"], entry="train"))
+    largest = 0.5 * (2 * np.pi * 32 / 10) ** 2
+    assert 0.0125 * largest < 2.8 < 0.025 * largest
+    found = with_longer_step(problem, simulate_nominal(problem, {}))
+    assert found.ensemble_system.dt == 0.0125
+
+
 def test_a_stated_step_is_kept(tmp_path: Path) -> None:
     problem = problem_of(tmp_path, 0.02, "0.05")
     found = with_longer_step(problem, simulate_nominal(problem, {}))

@@ -70,6 +70,8 @@ def test_a_run_that_blows_up_is_worse() -> None:
     found = compared(predictions(np.full(80, 0.1), lost))
     assert found["worse"] and found["after"] == np.inf
     assert not compared(predictions(lost, lost))["worse"]
+    few = compared(predictions(np.full(80, 0.1), np.full(80, np.nan)).truncate(5))
+    assert few["worse"] and few["error"] is None
 
 
 def test_few_samples_say_nothing() -> None:

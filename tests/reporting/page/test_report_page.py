@@ -1,5 +1,6 @@
 """The plain words of a verdict, and the page: everything told, nothing referred to outside."""
 
+import math
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -394,6 +395,8 @@ def test_the_headline_does_not_claim_a_gain_that_there_is_none_of() -> None:
     assert "in an episode not used in any fit is 4 times smaller." in headline(worse)
     worse["fit"]["test_sensors"] = errors_by_method(simulation_refit=0.2, corrected=0.199)
     assert "is unchanged." in headline(worse)
+    worse["fit"]["test_sensors"] = errors_by_method(simulation_refit=0.2, corrected=math.inf)
+    assert "not used in any fit is beyond all bounds." in headline(worse)
     assert "correction" not in headline(found(verdict="nothing-missing", terms=[]))
 
 

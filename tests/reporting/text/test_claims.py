@@ -145,6 +145,17 @@ def test_unconfirmed_faults_are_told_with_the_misfits_at_the_test_sensors() -> N
     assert "  The readings of sensor s08 wander." in confirmed
 
 
+@pytest.mark.parametrize("after", [math.inf, None], ids=["in memory", "in the file"])
+def test_a_law_that_makes_a_held_out_run_blow_up_is_told_without_an_error_bar(
+    after: float | None,
+) -> None:
+    told = found(WORSE | {"data": "heldout_episode", "after": after, "error": None})
+    assert "In the held-out episode the error is beyond all bounds with the suggested" in text_of(
+        told
+    )
+    assert headline(told).endswith("the simulation diverges in an episode not used in any fit.")
+
+
 def test_the_headline_of_an_unconfirmed_law_names_the_data_that_contradict_it() -> None:
     late = WORSE | {"data": "heldout_time"}
     told = headline(found(BETTER | {"data": "test_sensors"}, late))

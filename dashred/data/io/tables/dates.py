@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 DAY = 86400.0
+# A step longer than this many others is a gap.
+LONG_STEP = 10.0
 ISO_FORMAT, CLOCK_FORMAT = "ISO8601", "clock"
 CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?")
 ISO = re.compile(r"\d{4}([-/.])\d{1,2}\1\d{1,2}")
@@ -59,11 +61,19 @@ def read_dates(
         problem = f"{cells[row]!r} is not a date like the first one, {first!r}"
         raise InputError(problem, where=location(row), hint=WRITE)
     forward = [at for at in whole if (np.diff(tried[at][~empty]) > 0).all()] or whole
+    # A month that is read for a day makes a long gap at midnight.
+    forward = [at for at in forward if _is_steady(tried[at][~empty])] or forward
     chosen = tried[forward[0]]
     if any(not np.array_equal(tried[at], chosen, equal_nan=True) for at in forward[1:]):
         problem = f"in dates such as {first!r}, is the day or the month first?"
         raise InputError(problem, where=header, hint=WRITE)
     return chosen, formats[forward[0]]
+
+
+def _is_steady(times: NDArray[np.float64]) -> bool:
+    """Return whether no step is much longer than most."""
+    steps = np.diff(times)
+    return bool(len(steps) and steps.max() <= LONG_STEP * np.median(steps))
 
 
 def seconds_until(text: str, first: str, form: str) -> float:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Collection
 
 from dashred.core.errors import InputError
 from dashred.core.units import check_unit
-from dashred.data.io.tables.table_layout import split_header
+from dashred.data.io.tables.table_layout import NUMBER, split_header
 from dashred.data.sensors import check_names
 
-NUMBER = re.compile(r"[+-]?\d+(\.\d*)?")
 # Names that an error message lists.
 FEW = 6
 
@@ -46,7 +44,7 @@ def _split_units(cells: list[str], used: Collection[str]) -> list[tuple[str, str
     """Separate names and units; the numbers in ``u[0],u[1]`` belong to the names.
 
     ``u [1]`` is dimensionless, unless another column is named u with a number in brackets. Headers
-    that would have the same name without their units in ( ) keep them.
+    that would have the same name without their units in ( ) or after a comma keep them.
     """
     headers = [split_header(cell) for cell in cells]
     numbered = Counter(name for name, unit in headers if unit and NUMBER.fullmatch(unit))
@@ -55,7 +53,7 @@ def _split_units(cells: list[str], used: Collection[str]) -> list[tuple[str, str
         (cell.strip(), None)
         if cell.strip() in used
         or (unit and NUMBER.fullmatch(unit) and (unit != "1" or numbered[name] > 1))
-        or (cell.endswith(")") and repeated[name] > 1)
+        or (not cell.endswith("]") and repeated[name] > 1)
         else (name, unit)
         for cell, (name, unit) in zip(cells, headers, strict=True)
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -14,6 +15,7 @@ from dashred.core.units import split_unit
 # Names of a column of times, in any capitalisation; ``time`` itself comes first.
 TIMES = ("time", "t", "times", "timestamp", "datetime", "date")
 LETTERS_OF_TEMPERATURE = ("C", "F")
+NUMBER = re.compile(r"[+-]?\d+(\.\d*)?")
 # Names of a column of times that say the unit, in any capitalisation: these, and time_ms, t_s, ...
 UNIT_OF_TIMES = {
     **dict.fromkeys(("micros", "microseconds"), "us"),
@@ -92,17 +94,29 @@ def unit_of_times(name: str) -> str | None:
 
 
 def split_header(header: str) -> tuple[str, str | None]:
-    """Split a header from its unit, which stands in ``[ ]`` or, if it is a known one, in ``( )``.
+    """Split a header from its unit: ``u [m]``, or ``u (m)`` and ``u, m`` if it is a known one.
 
-    ``(C)`` and ``(F)`` are rarely a coulomb and a farad; they are left out.
+    ``(C)`` and ``(F)`` are rarely a coulomb and a farad; they are left out. A remark may follow a
+    unit after a comma: ``u, m (sensor 7)``.
     """
     name, unit = split_unit(header)
+    if unit is not None:
+        return name, unit
     before, _, rest = name.rpartition("(")
-    written = rest[:-1].strip()
     # f(t) is a name.
     is_apart = before.endswith(" ") or before.lower() in TIMES
-    if unit is not None or not before.strip() or not is_apart or not rest.endswith(")"):
-        return name, unit
+    if not before.strip() or not is_apart or not rest.endswith(")"):
+        return _split_after_comma(name) or (name, None)
+    written = rest[:-1].strip()
     if written in LETTERS_OF_TEMPERATURE:
         return before.strip(), None
-    return (before.strip(), written) if is_known_unit(written) else (name, None)
+    if is_known_unit(written):
+        return before.strip(), written
+    return _split_after_comma(before.strip()) or (name, None)
+
+
+def _split_after_comma(name: str) -> tuple[str, str] | None:
+    """Split a name from a known unit after a comma; None if there is none."""
+    before, _, written = (part.strip() for part in name.rpartition(","))
+    is_unit = before and written not in LETTERS_OF_TEMPERATURE and not NUMBER.fullmatch(written)
+    return (before, written) if is_unit and is_known_unit(written) else None

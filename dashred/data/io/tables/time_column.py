@@ -122,15 +122,20 @@ def named_times(table: Columns) -> list[str]:
 
 
 def likely_times(table: Columns) -> str | None:
-    """Return the first column whose cells may be increasing times or dates, if there is one."""
+    """Return the first column of dates, or else of increasing numbers, if there is one.
+
+    A count of the rows increases, too.
+    """
+    increasing = None
     for column in table.columns:
         cells = [cell for cell in table.texts(column) if cell]
+        if len(set(cells[:FEW])) > 1 and all(map(is_date, cells[:FEW])):
+            return column
         numbers = [float(cell) for cell in cells if is_number(cell)]
-        if len(numbers) == len(cells) > 1 and all(a < b for a, b in pairwise(numbers)):
-            return column
-        if cells and all(map(is_date, cells[:FEW])):
-            return column
-    return None
+        are_times = len(numbers) == len(cells) > 1 and all(a < b for a, b in pairwise(numbers))
+        if increasing is None and are_times:
+            increasing = column
+    return increasing
 
 
 def date_and_clock(table: Columns) -> tuple[str, str] | None:

@@ -30,7 +30,7 @@ ALL_TERMS = ((0.1, 0.1), (0.03, 0.2), (0.01, 0.3))
 SELECTION, PRIOR = 0.003, 3.0
 # Expected misfit per reading of all candidates together. If the misfit is far smaller, the noise
 # was overestimated.
-EXPECTED, OVERESTIMATED, LEAST, NOISE_ROUNDS = 0.5, 0.15, 1e-6, 3
+EXPECTED, OVERESTIMATED, NOISE_ROUNDS = 0.5, 0.15, 3
 ANNEALING_STEPS = 6
 
 
@@ -55,7 +55,7 @@ class SegmentSearch:
     @property
     def level(self) -> float:
         """Misfit per reading of the best law: the ratio of estimated to assumed σ²."""
-        return max(self.best.fit.cost / self.problem.segments.seen, 1e-12)
+        return self.problem.level([self.best.fit.cost])
 
     def terms(self, law: SegmentLaw) -> tuple[tuple[Candidate, ...], np.ndarray]:
         """Return the candidates of a law and their coefficients, ``(candidate,)``."""
@@ -109,7 +109,7 @@ def search(
         if left > OVERESTIMATED:
             break
         # Differences of readings overestimate σ where the samples are few in a period.
-        factor = math.sqrt(max(left, LEAST) / EXPECTED)
+        factor = math.sqrt(problem.level([fit.cost]) / EXPECTED)
         problem = problem.with_noise(factor * problem.noise_std)
     tight = weighted(problem, natural, SELECTION, PRIOR)
     return SegmentSearch(tight, natural, select(tight, loose, point))

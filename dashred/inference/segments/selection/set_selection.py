@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dashred.inference.fit.subset_search import ProfiledProblem
@@ -95,14 +95,14 @@ def _promising(
     winner: Set,
 ) -> list[Set]:
     """Return the sets with the best predicted scores, from a beam search and about the winner."""
-    extended, seen = problem.is_extended, problem.segments.seen
+    extended = problem.is_extended
     costs: dict[Set, float] = {}
     for found in beam_search(profiled, extended):
         costs |= found
     if len(winner) < LARGEST_WINNER:
         costs |= predict(profiled, with_one([winner], extended))
-    known = _level((fit.cost for fit in fits.values()), seen)
-    level, price = min(known, min(costs.values()) / seen), _price(len(extended), seen)
+    level = problem.level([*costs.values(), *(fit.cost for fit in fits.values())])
+    price = term_price(problem)
     ranked = sorted(costs, key=lambda s: costs[s] / level + price * len(s))[:REFITTED]
     return [s for s in ranked if s not in fits or costs[s] < fits[s].cost - STUCK * level]
 
@@ -136,26 +136,15 @@ def refit(problem: WeakConstraintProblem, point: Point, members: Set) -> NodeFit
 
 
 def term_price(problem: WeakConstraintProblem) -> float:
-    """Return the cost of one term more."""
-    return _price(problem.count, problem.segments.seen)
+    """Return the cost of one term more, ``ln n + 2 ln p``."""
+    return math.log(problem.segments.seen) + 2 * math.log(max(problem.count, 1))
 
 
 def _ranked(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> list[SegmentLaw]:
-    seen = problem.segments.seen
-    level = _level((fit.cost for fit in fits.values()), seen)
+    level = problem.level(fit.cost for fit in fits.values())
     price = term_price(problem)
     laws = [
         SegmentLaw(members, fit, fit.cost / level + price * len(members))
         for members, fit in fits.items()
     ]
     return sorted(laws, key=lambda law: law.score)
-
-
-def _level(costs: Iterator[float], seen: int) -> float:
-    """Return the misfit per reading of the best fit: the ratio of estimated to assumed σ²."""
-    return min(costs, default=math.inf) / seen
-
-
-def _price(candidates: int, seen: int) -> float:
-    """Return the cost of one candidate more, ``ln n + 2 ln p``."""
-    return math.log(seen) + 2 * math.log(max(candidates, 1))

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from dashred.core.budget import Deadline
+from dashred.inference.fit.noise_model import LEAST_NOISE
 from dashred.inference.forward.candidates import Candidate, build_candidates
 from dashred.inference.forward.parameter_block import split_parameters
 from dashred.inference.segments.natural_scales import natural_scales
@@ -104,6 +105,7 @@ def _search_record(
         start_std=START_FACTOR * record.start_std,
         prior_std=scales.coefficient,
         parameters=parameters,
+        least_std=LEAST_NOISE * record.noise_std,
         deadline=deadline,
     )
     searched = search(weak, record.guesses, scales)

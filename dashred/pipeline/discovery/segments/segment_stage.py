@@ -92,8 +92,8 @@ def _search_with_own_step(
 ) -> tuple[Problem, SegmentSearch]:
     """Search again with a shorter time step if the law needs one, and the step was not stated.
 
-    The step was chosen for the simulation without the law. With an expensive program, the search is
-    not begun if it would not come to its end.
+    The step was chosen for the simulation without the law. The search is not begun if there is no
+    time for it, or, with an expensive program, if it would not come to its end.
 
     Args:
         problem: recording, system and library.
@@ -102,7 +102,8 @@ def _search_with_own_step(
         took: seconds of the search that found them.
     """
     stated = problem.config.system.integrator.dt is not None
-    if stated or problem.deadline(STAGE).is_over:
+    is_expensive = follows_segments(problem)
+    if stated or (is_expensive and problem.deadline(STAGE).is_over):
         return problem, found
     law = law_from_segments(found, found.best)
     noise = segment_noise(found, fit_noise(problem)).std[: len(problem.split.fit.names)]
@@ -112,8 +113,8 @@ def _search_with_own_step(
     if dt is None:
         return problem, found
     finer = problem.with_step(dt, f"then {dt:.6g}, which the law needs")
-    longer = took * problem.system.dt / dt
-    if follows_segments(finer) and finer.deadline(STAGE).is_over_in(longer):
+    needed = took * problem.system.dt / dt if is_expensive else 0.0
+    if finer.deadline(STAGE).is_over_in(needed):
         problem.budget.leave_out(f"the time step of {dt:.6g} that the law needs")
         return problem, found
     searched, better = _search_about_parameters(finer, nominal)

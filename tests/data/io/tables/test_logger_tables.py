@@ -131,9 +131,20 @@ def test_columns_are_renamed(write: Write) -> None:
         ("T (indoor)", ("T (indoor)", None)),
         ("f(t)", ("f(t)", None)),
         ("(s)", ("(s)", None)),
+        ("Level, m", ("Level", "m")),
+        ("Pump, m3/h", ("Pump", "m3/h")),
+        ("Temp, °C", ("Temp", "°C")),
+        ("Date Time, GMT-05:00", ("Date Time, GMT-05:00", None)),
+        ("Room, north", ("Room, north", None)),
+        ("Room, 2", ("Room, 2", None)),
+        (", m", (", m", None)),
+        ("Temp, °C (LGR S/N: 10, SEN S/N: 7)", ("Temp", "°C")),
+        ("Temp, C", ("Temp, C", None)),
     ],
 )
-def test_a_unit_may_stand_in_parentheses(header: str, expected: tuple[str, str | None]) -> None:
+def test_a_unit_may_stand_in_parentheses_or_after_a_comma(
+    header: str, expected: tuple[str, str | None]
+) -> None:
     assert split_header(header) == expected
 
 

@@ -16,7 +16,7 @@ from dashred.data.io.reader import read_recording
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.io.tables.csv_table import read_table
 from dashred.data.io.tables.table_layout import TableLayout
-from dashred.data.io.tables.time_column import find_time_column, read_times
+from dashred.data.io.tables.time_column import find_time_column, likely_times, read_times
 
 Write = Callable[[str, str], str]
 QUARTERS = 900.0 * np.arange(24)
@@ -137,3 +137,22 @@ def test_a_data_frame_with_dates(ode: Any) -> None:
     recording = read_in_memory(frame, None, ode, TableLayout()).single("recording")
     np.testing.assert_allclose(recording.times, QUARTERS)
     assert recording.units == {"t": "s"}
+
+
+@pytest.mark.parametrize("form", ["%m/%d/%y %I:%M:%S %p", "%Y-%m-%d %H:%M", "%d.%m.%Y %H:%M"])
+def test_dates_are_likelier_times_than_a_count_of_the_rows(write: Write, form: str) -> None:
+    rows = [f"{i};{cell};{20 - i}" for i, cell in enumerate(stamps(form))]
+    table = read_table(write("r.csv", "\n".join(["no;Date Time, GMT-05:00;T", *rows]) + "\n"))
+    assert likely_times(table) == "Date Time, GMT-05:00"
+
+
+def test_a_date_that_stays_is_no_time(write: Write) -> None:
+    rows = [f"2024-05-31;{0.1 * i};1" for i in range(24)]
+    table = read_table(write("r.csv", "\n".join(["day;elapsed;T", *rows]) + "\n"))
+    assert likely_times(table) == "elapsed"
+
+
+@pytest.mark.parametrize("form", ["%m/%d/%y %I:%M:%S %p", "%d/%m/%Y %H:%M"])
+def test_the_day_is_what_changes_at_midnight(write: Write, ode: Any, form: str) -> None:
+    found = times(write, ode, column("time", stamps(form, "2024-06-01 22:00")))
+    np.testing.assert_allclose(found, QUARTERS)

@@ -19,7 +19,7 @@ from dashred.inference.segments.segments import cut
 from dashred.inference.segments.selection.equivalent_laws import merge_equivalent
 from dashred.inference.segments.selection.search import SegmentSearch, search
 from dashred.inference.segments.selection.set_selection import SegmentLaw
-from tests.inference.segments.conftest import MEAN, NOISE, TIMES, Convection, weak_problem
+from tests.inference.segments.conftest import MEAN, NOISE, TIMES, Convection, Find, weak_problem
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +38,20 @@ def test_the_missing_damping_is_found(convection: Convection, found: SegmentSear
     low, high = law.interval(0)
     assert low < -1.0 < high and high - low < 0.1
     assert found.level == pytest.approx(1.0, abs=0.25)
+
+
+def test_readings_without_noise_prove_no_terms_below_the_least_noise(
+    convection: Convection, find: Find
+) -> None:
+    least = 1e-3 * NOISE
+    smooth = 0.1 * least * np.sin(3 * TIMES)[:, None]
+    exact = convection.states[:, :2] + smooth
+    found, bare = find(exact, least_std=least), find(exact)
+    assert [str(candidate) for candidate in found.terms(found.best)[0]] == ["y: y"]
+    np.testing.assert_allclose(found.problem.noise_std * np.sqrt(found.level), least, rtol=1e-9)
+    low, high = law_from_segments(found, found.best).interval(0)
+    assert low < -1.0 < high
+    assert len(bare.best.members) > 1
 
 
 def test_the_unmeasured_field_is_reconstructed(
