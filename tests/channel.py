@@ -24,10 +24,10 @@ from dashred.inference.forward.law_block import LawBlock
 from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.initial_state.start_models import StartModel
-from dashred.physics.library import evaluate_terms
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import evaluate_terms
 from tests import laws
 
 LENGTH, SIGMA = 10.0, 0.004

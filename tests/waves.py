@@ -33,10 +33,10 @@ from dashred.inference.hypotheses.windows.windowed_hypothesis import (
     first_unknowns,
 )
 from dashred.inference.initial_state.start_models import StartModel
-from dashred.physics.library import evaluate_terms
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import evaluate_terms
 from dashred.physics.window import Shape, window_shapes
 from tests import laws
 

@@ -37,7 +37,7 @@ from dashred.config.schema.settings import (
 )
 from dashred.config.source import Source, read_file
 from dashred.config.trust import check_trust, split_trust
-from dashred.core.arguments import COMMAND_LINE
+from dashred.core.command_line.arguments import COMMAND_LINE
 from dashred.physics.system_schema import Axis, Integrator, System
 
 __all__ = [

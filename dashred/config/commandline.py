@@ -10,7 +10,7 @@ from dashred.config.bundled_systems import BASE, CONF, bundled_names
 from dashred.config.parameter_spreads import plain_key, with_plain_parameters
 from dashred.config.schema.types import kind_at, optional, required
 from dashred.config.source import Source, check_text, read_text
-from dashred.core.arguments import COMMAND_LINE, key_value_pairs
+from dashred.core.command_line.arguments import COMMAND_LINE, key_value_pairs
 from dashred.core.errors import InputError, nearest
 from dashred.core.files.user_path import user_path
 

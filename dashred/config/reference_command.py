@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dashred.config.reference import page
-from dashred.core.argument_types import read_path
-from dashred.core.arguments import Command, argument
+from dashred.core.command_line.argument_types import read_path
+from dashred.core.command_line.arguments import Command, argument
 from dashred.core.errors import DONE, InputError
 from dashred.core.files.atomic import write_text_atomic
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from dashred.config.layers import absolute_path
 from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where
-from dashred.core.arguments import COMMAND_LINE
+from dashred.core.command_line.arguments import COMMAND_LINE
 from dashred.core.errors import InputError
 from dashred.physics.external.trust import names_of, not_trusted, trust
 from dashred.physics.system_schema import System

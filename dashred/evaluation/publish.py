@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from dashred.core.argument_types import integer_reader, read_path
-from dashred.core.arguments import COMMAND_LINE, Command, argument
+from dashred.core.command_line.argument_types import integer_reader, read_path
+from dashred.core.command_line.arguments import COMMAND_LINE, Command, argument
 from dashred.core.errors import DONE, InputError
 
 

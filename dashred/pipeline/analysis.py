@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from torch import Tensor
 
 from dashred.inference.hypotheses.result import Discovery
-from dashred.pipeline.assimilation import AssimilationResult
+from dashred.pipeline.networks.assimilation import AssimilationResult
+from dashred.pipeline.networks.training import TrainedNetwork
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
-from dashred.pipeline.training import TrainedNetwork
 from dashred.pipeline.trajectories import Trajectories
 
 

@@ -12,9 +12,8 @@ from dashred.inference.hypotheses.result import Discovery
 from dashred.inference.segments.findings.error_growth import is_chaotic
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
-from dashred.pipeline import assimilation, surrogate, training, trajectories
+from dashred.pipeline import surrogate, trajectories
 from dashred.pipeline.analysis import Analysis
-from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.discovery import discovery
 from dashred.pipeline.discovery.inputs import DiscoveryInputs
 from dashred.pipeline.discovery.segments.relinearisation import with_fitted_readings
@@ -22,6 +21,8 @@ from dashred.pipeline.discovery.segments.segment_stage import (
     discover_in_segments,
     has_sensor_errors,
 )
+from dashred.pipeline.input.build_problem import build_problem
+from dashred.pipeline.networks import assimilation, training
 from dashred.pipeline.outputs import report
 from dashred.pipeline.run import provenance
 from dashred.pipeline.run.checkpoints import Checkpoints, Stages

@@ -25,10 +25,10 @@ from dashred.inference.results.corrected_system import with_parameters
 from dashred.inference.results.verdict import describe_fault
 from dashred.physics.black_box.snapshots import Snapshots
 from dashred.physics.hidden_state import HiddenState, with_hidden_states
-from dashred.physics.let_terms import build_let_terms
-from dashred.physics.library import build_library
 from dashred.physics.parameter_sensitivity import parameters_read
 from dashred.physics.system import System, Term
+from dashred.physics.terms.let_terms import build_let_terms
+from dashred.physics.terms.library import build_library
 from dashred.pipeline.time_shares import LAST_OF_SEARCH, SHARE_OF_REST, ends_of
 
 # Lower bound of the noise σ, as a share of the std of a trace, before the residuals give an

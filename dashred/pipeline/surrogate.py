@@ -25,13 +25,13 @@ from dashred.physics.runs.ensemble import Ensemble, draw_ensemble
 from dashred.physics.runs.initial_state_prior import StartPrior
 from dashred.physics.solvers.simulate import Progress, simulate
 from dashred.physics.system import System
-from dashred.pipeline.assimilation import sensor_data
+from dashred.pipeline.networks.assimilation import sensor_data
+from dashred.pipeline.networks.training import TrainedNetwork, train_shred
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.ensembles import join_ensembles, split_members
 from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.simulation.program_cost import check_time
 from dashred.pipeline.simulation.time_limit import within
-from dashred.pipeline.training import TrainedNetwork, train_shred
 from dashred.pipeline.trajectories import Trajectories
 
 # Key in run.json of the time that one step of the corrected surrogate takes.

@@ -11,8 +11,8 @@ from dashred.core.errors import InputError
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
 from dashred.physics.grids.mesh import Mesh
-from dashred.physics.library import default_terms, evaluate_terms
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import default_terms, evaluate_terms
 from tests.config.checks.test_nodes import PLATE, TRUST, load
 
 

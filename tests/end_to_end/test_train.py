@@ -163,7 +163,7 @@ def test_a_process_that_dies_fails_the_run(quick, train, stand_in, monkeypatch) 
     def killed(*_: object) -> None:
         raise SystemExit(-9)
 
-    monkeypatch.setattr("dashred.pipeline.training.train_shred", killed)
+    monkeypatch.setattr("dashred.pipeline.networks.training.train_shred", killed)
 
     run = stand_in.run
 

@@ -13,9 +13,9 @@ from scipy.integrate import solve_ivp
 from dashred.config import load_config
 from dashred.core.budget import Budget
 from dashred.inference.segments.findings.segment_laws import law_from_segments
-from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.discovery.segments import segment_stage
 from dashred.pipeline.discovery.segments.segment_stage import search_in_segments
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 from dashred.pipeline.simulation.numerical_error import numerical_error
 

@@ -15,9 +15,9 @@ from dashred.data.io.write_netcdf import write_netcdf
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import SensorFault
-from dashred.pipeline.assimilation import sensor_data
-from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.discovery.least_squares import build_least_squares, exact_simulator
+from dashred.pipeline.input.build_problem import build_problem
+from dashred.pipeline.networks.assimilation import sensor_data
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.ensembles import simulate_ensemble, split_members
 from dashred.pipeline.simulation.nominal_run import simulate_nominal

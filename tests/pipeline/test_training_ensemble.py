@@ -12,8 +12,8 @@ import torch
 from dashred.config import load_config
 from dashred.core.budget import Budget
 from dashred.inference.segments.findings.segment_laws import states_by_sample
-from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.discovery.segments.segment_stage import search_in_segments
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 from dashred.pipeline.simulation_runs import _training_ensemble
 

@@ -66,8 +66,8 @@ def analyse(config: Config) -> None:
     from dashred.evaluation.baselines.kalman_filter import filter_augmented, filter_state
     from dashred.evaluation.baselines.optimal_interpolation import optimal_interpolation
     from dashred.evaluation.baselines.plain_shred import plain_shred
-    from dashred.pipeline.build_problem import build_problem
     from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
+    from dashred.pipeline.input.build_problem import build_problem
     from dashred.pipeline.run import provenance
     from dashred.pipeline.run.output_dir import make_output
     from dashred.pipeline.simulation.ensembles import simulate_ensemble

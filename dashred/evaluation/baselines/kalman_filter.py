@@ -24,9 +24,9 @@ from dashred.inference.initial_state.ensemble_filter import (
     FilterSettings,
     ensemble_filter,
 )
-from dashred.physics.library import resolve
 from dashred.physics.runs.ensemble import Ensemble, term_scales
 from dashred.physics.system import Term
+from dashred.physics.terms.library import resolve
 from dashred.pipeline.problem import Problem
 
 INFLATIONS = (1.0, 1.02, 1.1)

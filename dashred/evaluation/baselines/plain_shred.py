@@ -6,9 +6,9 @@ from dashred.core.mlflow.tracker import Tracker
 from dashred.evaluation.baselines.estimate import Estimate
 from dashred.models.shred import reconstruct
 from dashred.physics.runs.ensemble import Ensemble
-from dashred.pipeline.assimilation import sensor_data
+from dashred.pipeline.networks.assimilation import sensor_data
+from dashred.pipeline.networks.training import train_shred
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.training import train_shred
 
 
 def plain_shred(problem: Problem, ensemble: Ensemble, run: Tracker) -> Estimate:

@@ -8,14 +8,14 @@ from typing import TypeVar
 
 from dashred.config import Settings, bundled_names
 from dashred.config.bundled_systems import results_root
-from dashred.core.argument_types import (
+from dashred.core.command_line.argument_types import (
     integer_reader,
     list_reader,
     ranges_reader,
     read_absolute_path,
     read_number,
 )
-from dashred.core.arguments import COMMAND_LINE, HELP_FLAGS, Command, argument
+from dashred.core.command_line.arguments import COMMAND_LINE, HELP_FLAGS, Command, argument
 from dashred.core.errors import InputError
 
 # What differs from row to row, or is settled by the bench, and the word that says it here.

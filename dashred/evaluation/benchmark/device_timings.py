@@ -21,10 +21,10 @@ from dashred.config import load_config
 from dashred.core.threads import use_threads
 from dashred.inference.forward.candidate_simulator import CandidateSimulator
 from dashred.inference.forward.candidates import Candidate
-from dashred.physics.library import build_library, resolve
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import CPU, System
+from dashred.physics.terms.library import build_library, resolve
 
 CASES = [
     (name, points) for name in ("ks2d", "kolmogorov", "gray_scott") for points in (64, 128, 256)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from dashred.config import Config, config_sha256, load_config
-from dashred.core.arguments import COMMAND_LINE
+from dashred.core.command_line.arguments import COMMAND_LINE
 from dashred.core.errors import InputError
 from dashred.evaluation.benchmark.arguments import Request
 from dashred.evaluation.twins.twin_file import (

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dashred.config.bundled_systems import results_root
-from dashred.core.argument_types import read_absolute_path
-from dashred.core.arguments import Command, argument
+from dashred.core.command_line.argument_types import read_absolute_path
+from dashred.core.command_line.arguments import Command, argument
 from dashred.evaluation.benchmark import arguments as bench
 
 

@@ -15,7 +15,7 @@ from dashred.data.io.reader import read_recording
 from dashred.evaluation.baselines.analyse import failure_text
 from dashred.evaluation.comparison.pde_find import pde_find
 from dashred.evaluation.twins.scoring import system_of
-from dashred.physics.library import build_library
+from dashred.physics.terms.library import build_library
 
 
 def pde_find_on_full_field(

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dashred.core.argument_types import integer_reader, read_number, read_path
-from dashred.core.arguments import Command, argument
+from dashred.core.command_line.argument_types import integer_reader, read_number, read_path
+from dashred.core.command_line.arguments import Command, argument
 from dashred.core.errors import DONE, InputError, run_entry
 from dashred.core.findings.findings import check_freeze, sha256_of, write_json_atomic
 from dashred.evaluation.baselines.analyse import FIELDS, LAW_METHODS, LAWS, METHODS, NOT_FOR_SYSTEM

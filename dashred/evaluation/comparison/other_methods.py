@@ -13,8 +13,8 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from dashred.core.argument_types import read_number, read_path
-from dashred.core.arguments import Command, argument, declared_arguments
+from dashred.core.command_line.argument_types import read_number, read_path
+from dashred.core.command_line.arguments import Command, argument, declared_arguments
 from dashred.core.errors import DONE, run_entry
 from dashred.evaluation.baselines.analyse import FIELDS, LAWS
 from dashred.evaluation.comparison.method_scores import ESTIMATES

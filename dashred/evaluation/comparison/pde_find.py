@@ -19,8 +19,8 @@ from pysindy import STLSQ, FiniteDifference
 from torch import Tensor
 
 from dashred.evaluation.baselines.estimate import TermEntry
-from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import evaluate_terms
 
 Array = NDArray[np.float64]
 

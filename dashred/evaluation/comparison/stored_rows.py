@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dashred.core.arguments import key_value_pairs
+from dashred.core.command_line.arguments import key_value_pairs
 from dashred.core.errors import InputError
 from dashred.evaluation.benchmark.arguments import Request
 from dashred.evaluation.benchmark.plan import Row, plan

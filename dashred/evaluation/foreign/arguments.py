@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dashred.config.bundled_systems import check_checkout, results_root
-from dashred.core.argument_types import (
+from dashred.core.cluster.word import EXAMPLES, HELP, Cluster, read_cluster
+from dashred.core.command_line.argument_types import (
     integer_reader,
     list_reader,
     read_absolute_path,
     read_number,
 )
-from dashred.core.arguments import COMMAND_LINE, HELP_FLAGS, Command, argument
-from dashred.core.cluster.word import EXAMPLES, HELP, Cluster, read_cluster
+from dashred.core.command_line.arguments import COMMAND_LINE, HELP_FLAGS, Command, argument
 from dashred.core.errors import InputError, nearest
 from dashred.evaluation.foreign.cases.case import COLLECTIONS
 from dashred.evaluation.foreign.protocol import commit_of_tag

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-from dashred.core.arguments import COMMAND_LINE
+from dashred.core.command_line.arguments import COMMAND_LINE
 from dashred.core.errors import InputError, nearest
 from dashred.core.progress import CONSOLE
 from dashred.evaluation.foreign.arguments import Request

@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 from collections.abc import Sequence
 
-from dashred.core.arguments import COMMAND_LINE
+from dashred.core.command_line.arguments import COMMAND_LINE
 from dashred.core.errors import InputError
 from dashred.evaluation.foreign.cases.case import Case, Collection, Kind
 from dashred.evaluation.foreign.cases.field_equations import FIELD_EQUATIONS

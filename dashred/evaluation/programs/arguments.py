@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dashred.config.bundled_systems import bundled_names, check_checkout, results_root
-from dashred.core.argument_types import (
+from dashred.core.command_line.argument_types import (
     integer_reader,
     list_reader,
     ranges_reader,
     read_absolute_path,
 )
-from dashred.core.arguments import COMMAND_LINE, HELP_FLAGS, Command, argument
+from dashred.core.command_line.arguments import COMMAND_LINE, HELP_FLAGS, Command, argument
 from dashred.core.errors import InputError, nearest
 
 BENCHMARK = "programs"

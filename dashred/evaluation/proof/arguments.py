@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dashred.config.bundled_systems import check_checkout, results_root
-from dashred.core.argument_types import integer_reader, read_absolute_path
-from dashred.core.arguments import COMMAND_LINE, Command, argument, key_value_pairs
 from dashred.core.cluster.word import EXAMPLES, HELP, Cluster, read_cluster
+from dashred.core.command_line.argument_types import integer_reader, read_absolute_path
+from dashred.core.command_line.arguments import COMMAND_LINE, Command, argument, key_value_pairs
 from dashred.core.errors import InputError
 from dashred.evaluation.isolation.worker import CHECKOUT
 from dashred.evaluation.proof.cases.draw_file import read_draw

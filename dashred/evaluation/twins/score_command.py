@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dashred.core.argument_types import read_path
-from dashred.core.arguments import COMMAND_LINE, Command, argument
+from dashred.core.command_line.argument_types import read_path
+from dashred.core.command_line.arguments import COMMAND_LINE, Command, argument
 from dashred.core.errors import DONE, InputError
 from dashred.core.findings.findings import check_freeze, write_json_atomic
 from dashred.core.findings.methods import DEPRECATED, current_names, with_deprecated

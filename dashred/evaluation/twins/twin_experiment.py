@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from dashred.config import Config, load_config
-from dashred.core.arguments import COMMAND_LINE
+from dashred.core.command_line.arguments import COMMAND_LINE
 from dashred.core.errors import DONE, WRONG_INPUT, InputError
 from dashred.core.files.atomic import copy_atomic
 from dashred.core.mlflow.store import Store, open_store, status_of

@@ -18,8 +18,8 @@ from dashred.core.budget import NEVER, OutOfTimeError
 from dashred.core.progress import Report
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
-from dashred.inference.fit.subset_search import most_distinct_candidates
-from dashred.inference.fit.widened_fit import fit_widened
+from dashred.inference.fit.selection.subset_search import most_distinct_candidates
+from dashred.inference.fit.selection.widened_fit import fit_widened
 
 GROWTH = 1.3
 # A stage that fails is fitted again with less growth, down to this.

@@ -10,9 +10,9 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-from dashred.physics.library import evaluate_terms
 from dashred.physics.runs.tendency_size import program_slopes
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import evaluate_terms
 
 
 @dataclass(frozen=True)

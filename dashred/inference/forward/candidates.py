@@ -18,13 +18,13 @@ from dashred.inference.forward.candidate_columns import (
     term_rates,
 )
 from dashred.inference.forward.stable_limit import stable_limit
-from dashred.physics.let_terms import resolved_let_term
-from dashred.physics.library import COLLINEARITY_TOLERANCE, resolve
 from dashred.physics.parameter_sensitivity import parameter_tendency
 from dashred.physics.program_parameters import parameter_term
 from dashred.physics.runs.tendency_size import program_slopes, tendency_size
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
+from dashred.physics.terms.let_terms import resolved_let_term
+from dashred.physics.terms.library import COLLINEARITY_TOLERANCE, resolve
 from dashred.physics.window import Window
 
 # Number of states at which a program is asked for the effects of its parameters.

@@ -12,15 +12,15 @@ from dashred.inference.forward.candidates import Candidate, ChangePrior
 from dashred.inference.forward.parameter_block import ParameterBlock
 from dashred.inference.segments.natural_scales import NaturalScales, natural_scales
 from dashred.inference.segments.point import Point
-from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import Array, Segments
 from dashred.inference.segments.selection.search import PRIOR, SELECTION, SegmentSearch, weighted
 from dashred.inference.segments.state_sensors import StateSensors
+from dashred.inference.segments.steps.segment_simulator import SegmentSimulator
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 from dashred.physics.hidden_state import HiddenState, relax, with_hidden_states
-from dashred.physics.library import build_library, resolve
 from dashred.physics.parameter_sensitivity import parameter_tendency
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import build_library, resolve
 
 
 @dataclass(frozen=True)

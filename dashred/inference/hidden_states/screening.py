@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dashred.data.sensors import Sensor
-from dashred.inference.fit.subset_search import ProfiledProblem
+from dashred.inference.fit.selection.subset_search import ProfiledProblem
 from dashred.inference.hidden_states.augmented_problem import augment, decay, hidden_course
 from dashred.inference.segments.gauss_newton import fit_nodes
 from dashred.inference.segments.point import Point

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.located_source import LocatedSource
-from dashred.inference.fit.nested_fits import RoomLeft
 from dashred.inference.fit.noise_model import NoiseModel
+from dashred.inference.fit.selection.nested_fits import RoomLeft
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.forcing_map import ForcingMap
 

@@ -18,9 +18,9 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
 from dashred.physics.expressions.algebra import names
 from dashred.physics.grids.grid import Axis
-from dashred.physics.library import resolve
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import resolve
 
 # Largest number of shifts of a state, over all axes.
 SHIFTS = 64

@@ -23,9 +23,9 @@ from dashred.inference.initial_state.covariance_tapers import (
     gaspari_cohn,
     sensor_distances,
 )
-from dashred.physics.library import resolve
 from dashred.physics.solvers.compiled_simulator import compile_if_worthwhile
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import resolve
 
 # The filter diverges if a smaller share of the members remains.
 SMALLEST_SHARE = 0.5

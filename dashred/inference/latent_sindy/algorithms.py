@@ -11,8 +11,8 @@ from torch import Tensor
 from dashred.inference.latent_sindy.blocks import Blocks
 from dashred.inference.latent_sindy.sensor_encoding import HistoryEncoder
 from dashred.inference.latent_sindy.step_sensitivities import RELATIVE_STEP, Step
-from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import evaluate_terms
 
 # A step changes the latent state by at most this multiple of the median, unless it blows up.
 LOST = 1e6

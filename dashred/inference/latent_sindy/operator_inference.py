@@ -12,8 +12,8 @@ from torch import Tensor
 
 from dashred.inference.latent_sindy.step_sensitivities import Step
 from dashred.models.pod import POD
-from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import evaluate_terms
 
 # The settings tried: numbers of POD modes whose products are features, and ridge penalties as
 # shares of the mean square of the features.

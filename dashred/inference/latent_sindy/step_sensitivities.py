@@ -9,10 +9,10 @@ from typing import Protocol
 import torch
 from torch import Tensor
 
-from dashred.physics.library import resolve
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import resolve
 
 # Step of a finite difference, as a share of the scale of a coefficient or of the std of a reading.
 RELATIVE_STEP = 1e-3

@@ -8,9 +8,9 @@ from dataclasses import replace
 from dashred.inference.fit.law import Law
 from dashred.inference.results.fitted_parameters import exact_changes
 from dashred.physics.expressions.algebra import ZERO, multiply, names
-from dashred.physics.let_terms import is_exact_change, let_tangents
 from dashred.physics.parameter_sensitivity import parameter_slopes
 from dashred.physics.system import System, Term
+from dashred.physics.terms.let_terms import is_exact_change, let_tangents
 
 
 def build_corrected_system(system: System, law: Law) -> System:

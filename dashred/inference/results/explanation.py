@@ -20,7 +20,7 @@ from dashred.inference.results.parameter_change import exact_change, is_exact, p
 from dashred.inference.results.posterior_probabilities import inclusion
 from dashred.physics.boundaries.entries import offset_meanings
 from dashred.physics.system import System
-from dashred.physics.term_units import coefficient_unit
+from dashred.physics.terms.term_units import coefficient_unit
 from dashred.physics.window import Window
 
 MOST_ALTERNATIVES = 3

@@ -12,7 +12,7 @@ from dashred.inference.results.fitted_parameters import fitted_parameters
 from dashred.physics.expressions.algebra import names
 from dashred.physics.hidden_state import HiddenState
 from dashred.physics.system import System
-from dashred.physics.term_units import coefficient_unit
+from dashred.physics.terms.term_units import coefficient_unit
 
 
 def gain_index(law: Law, state: HiddenState | None) -> int | None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import Array
 from dashred.inference.segments.state_sensors import StateSensors
+from dashred.inference.segments.steps.segment_simulator import SegmentSimulator
 
 # How far from its mean a forecast may carry a field, in its own scale.
 FARTHEST = 8.0

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import Array, Segments
 from dashred.inference.segments.state_sensors import StateSensors
+from dashred.inference.segments.steps.segment_simulator import SegmentSimulator
 
 
 @dataclass(frozen=True)

@@ -22,9 +22,9 @@ from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.parameter_block import NO_PARAMETERS, ParameterBlock
 from dashred.inference.segments.block_tridiagonal import BlockNormal
 from dashred.inference.segments.point import Linearisation, Point
-from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import Array, Segments
 from dashred.inference.segments.state_sensors import ReadChanges, StateSensors
+from dashred.inference.segments.steps.segment_simulator import SegmentSimulator
 from dashred.inference.segments.walks import NO_WALKS, Walks
 
 # The misfit per reading of a perfect fit is rounding error.

@@ -13,11 +13,11 @@ from torch import Tensor
 from dashred.core.budget import OutOfTimeError
 from dashred.core.errors import InputError
 from dashred.physics.external.failure import hint_of_failure
-from dashred.physics.library import evaluate_terms, resolve
 from dashred.physics.runs.tendency_size import tendency_size
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import Progress, simulate
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import evaluate_terms, resolve
 
 MAX_ROUNDS = 20
 # Give up if, after this many rounds, less than this share of the members has been found.

@@ -10,10 +10,10 @@ import torch
 from torch import Tensor
 
 from dashred.physics.external.protocol import Array
-from dashred.physics.library import evaluate_terms
 from dashred.physics.program_parameters import parameter_slopes
 from dashred.physics.solvers.splitting import ProgramFlow
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import evaluate_terms
 
 # A difference in time over this share of the time step is the rate of a program.
 SHORT_STEP = 1 / 16

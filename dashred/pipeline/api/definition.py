@@ -11,7 +11,7 @@ from typing import Any
 from dashred.config import Config, Source, build_config, read_file
 from dashred.config.commandline import find_system
 from dashred.config.source_dict import overrides_from_dict, source_from_dict
-from dashred.core.arguments import COMMAND_LINE
+from dashred.core.command_line.arguments import COMMAND_LINE
 from dashred.core.errors import InputError
 
 OVERRIDES, DICT, NAME = "overrides", "dict", "system"

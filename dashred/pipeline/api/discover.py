@@ -21,8 +21,8 @@ from dashred.pipeline import equations, simulation_runs
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.api.result import Result
 from dashred.pipeline.api.simulator import Simulator
-from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.discovery.segments.relinearisation import with_fitted_readings
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.outputs import report
 from dashred.pipeline.outputs.figures import figures_of
 from dashred.pipeline.problem import Problem

@@ -23,10 +23,10 @@ from dashred.pipeline.api.definition import NAME, Definition, from_file, from_va
 from dashred.pipeline.api.recordings import read_recording, recording_overrides
 from dashred.pipeline.api.session import session
 from dashred.pipeline.api.simulator import TIMES, Simulator, as_times
-from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.check import command
 from dashred.pipeline.check.page import Page
-from dashred.pipeline.time_step import states_time_step
+from dashred.pipeline.input.build_problem import build_problem
+from dashred.pipeline.input.time_step import states_time_step
 
 if TYPE_CHECKING:
     import pandas as pd

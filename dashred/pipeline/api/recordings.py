@@ -13,7 +13,7 @@ from dashred.data.io.in_memory import RECORDING, SENSORS, read_in_memory, table_
 from dashred.data.io.read_csv import episodes_of_file
 from dashred.data.io.tables.table_dialect import TABLES
 from dashred.physics.system import System
-from dashred.pipeline.read_recorded import layout_of_table, read_recorded
+from dashred.pipeline.input.read_recorded import layout_of_table, read_recorded
 
 
 def recording_overrides(recording: Any, sensors: Any) -> dict[str, Any]:

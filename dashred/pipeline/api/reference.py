@@ -11,8 +11,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from dashred.core.argument_types import read_path
-from dashred.core.arguments import Command, argument
+from dashred.core.command_line.argument_types import read_path
+from dashred.core.command_line.arguments import Command, argument
 from dashred.core.errors import DONE, run_entry
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.templates import render

@@ -10,10 +10,10 @@ from torch import Tensor
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.splits import Split
 from dashred.pipeline.check.context import CheckContext
-from dashred.pipeline.check.observability import Observability
 from dashred.pipeline.check.placeholders import zero_equations
 from dashred.pipeline.check.remark import Remark, shortened, warning
-from dashred.pipeline.check.simulator import NominalRun
+from dashred.pipeline.check.simulator_checks.observability import Observability
+from dashred.pipeline.check.simulator_checks.simulator import NominalRun
 
 # Largest accepted ratio between recorded and simulated standard deviations, either way.
 MAX_RATIO = 5.0

@@ -64,11 +64,17 @@ def check(config: Config, page: Page, recorded: Episodes | None = None) -> None:
     from dashred.core.threads import use_threads
     from dashred.pipeline.check.agreement import agreement_remarks
     from dashred.pipeline.check.context import build_check_context
-    from dashred.pipeline.check.ensemble import ensemble_remarks, structure_remarks
-    from dashred.pipeline.check.observability import linearised_observations, observability_remarks
     from dashred.pipeline.check.recording import recording_remarks
-    from dashred.pipeline.check.run_time import run_time_remark, snapshots_run_time_remark
-    from dashred.pipeline.check.simulator import run_nominal, simulator_remarks
+    from dashred.pipeline.check.simulator_checks.ensemble import ensemble_remarks, structure_remarks
+    from dashred.pipeline.check.simulator_checks.observability import (
+        linearised_observations,
+        observability_remarks,
+    )
+    from dashred.pipeline.check.simulator_checks.run_time import (
+        run_time_remark,
+        snapshots_run_time_remark,
+    )
+    from dashred.pipeline.check.simulator_checks.simulator import run_nominal, simulator_remarks
     from dashred.pipeline.check.snapshots import snapshots_remarks
     from dashred.pipeline.check.splits import splits_remarks
 

@@ -17,12 +17,12 @@ from dashred.data.sensor_layout import place_sensors
 from dashred.data.sensors import Sensor
 from dashred.data.splits import Split, split_recording
 from dashred.data.stated.known_factor import with_even_noise
-from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
-from dashred.pipeline.build_problem import build_problem
+from dashred.physics.terms.library import build_library
+from dashred.pipeline.input.build_problem import build_problem
+from dashred.pipeline.input.read_recorded import read_recorded
+from dashred.pipeline.input.readings_of_state import readings_of_state
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.read_recorded import read_recorded
-from dashred.pipeline.readings_of_state import readings_of_state
 
 # Random stream for sensor positions. It is separate from the twins' streams, so that a check says
 # nothing about the sensors of a twin.

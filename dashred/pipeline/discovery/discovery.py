@@ -18,18 +18,18 @@ from dashred.inference.segments.findings.force_map import force_map
 from dashred.inference.segments.selection.left_force import force_beside
 from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.inference.sensor_faults.error_curve import follows_state
-from dashred.pipeline.assimilation import AssimilationResult
 from dashred.pipeline.discovery.explained_record import is_record_explained, is_start_explained
-from dashred.pipeline.discovery.first_trajectory import FirstTrajectory, fit_first_trajectory
 from dashred.pipeline.discovery.headline_law import with_headline
-from dashred.pipeline.discovery.hypothesis_stage import compare_explanations, forcing_gain_on
 from dashred.pipeline.discovery.inputs import DiscoveryInputs
 from dashred.pipeline.discovery.law_metrics import log_best_by_size, log_first_guesses
-from dashred.pipeline.discovery.law_stage import SelectedLaws, select_laws
 from dashred.pipeline.discovery.least_squares import exact_simulator
 from dashred.pipeline.discovery.segments.library_choice import is_explained
 from dashred.pipeline.discovery.segments.segment_stage import discover_in_segments, with_few_terms
 from dashred.pipeline.discovery.selected_laws import best_by_size, room_left_for
+from dashred.pipeline.discovery.stages.first_trajectory import FirstTrajectory, fit_first_trajectory
+from dashred.pipeline.discovery.stages.hypothesis_stage import compare_explanations, forcing_gain_on
+from dashred.pipeline.discovery.stages.law_stage import SelectedLaws, select_laws
+from dashred.pipeline.networks.assimilation import AssimilationResult
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.state_samples import state_samples
 

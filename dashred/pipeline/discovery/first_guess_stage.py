@@ -25,18 +25,18 @@ from dashred.inference.initial_state.first_guesses import (
     first_guesses,
 )
 from dashred.inference.initial_state.start_models import StartModel
-from dashred.physics.library import resolve
 from dashred.physics.runs.ensemble import Ensemble
-from dashred.pipeline.assimilation import AssimilationResult
+from dashred.physics.terms.library import resolve
 from dashred.pipeline.discovery.least_squares import (
     build_least_squares,
     for_each_episode,
     noise_share,
     trace_std,
 )
+from dashred.pipeline.networks.assimilation import AssimilationResult
+from dashred.pipeline.networks.training import TrainedNetwork
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
-from dashred.pipeline.training import TrainedNetwork
 
 # The prior is used first unless its error is this many times the smallest error. The missing
 # physics contributes to the errors of all first guesses. A wrong start, such as a front at another

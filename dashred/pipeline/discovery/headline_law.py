@@ -19,7 +19,7 @@ from dashred.inference.fit.forecast_choice import (
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.fit.stepwise_selection import RefittedSet, Selection, term_penalty
+from dashred.inference.fit.selection.stepwise_selection import RefittedSet, Selection, term_penalty
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.result import Discovery

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from dashred.physics.library import check_collinear, uninformative_terms
 from dashred.physics.runs.program_definitions import program_definitions
+from dashred.physics.terms.library import check_collinear, uninformative_terms
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.state_samples import StateSamples
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
-from dashred.pipeline.assimilation import AssimilationResult
+from dashred.pipeline.networks.assimilation import AssimilationResult
+from dashred.pipeline.networks.training import TrainedNetwork
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
-from dashred.pipeline.training import TrainedNetwork
 
 
 @dataclass(frozen=True)

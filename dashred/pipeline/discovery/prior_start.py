@@ -13,7 +13,7 @@ from dashred.core.budget import OutOfTimeError
 from dashred.core.progress import Report
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
-from dashred.inference.fit.stepwise_selection import Selection, select
+from dashred.inference.fit.selection.stepwise_selection import Selection, select
 from dashred.inference.initial_state.start_models import StartModel
 
 STEPS, TOLERANCE = 10, 1e-4

@@ -10,8 +10,8 @@ from torch import Tensor
 from dashred.inference.fit.fitted_law import build_selected_law
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.nested_fits import RoomLeft, room_left
-from dashred.inference.fit.stepwise_selection import (
+from dashred.inference.fit.selection.nested_fits import RoomLeft, room_left
+from dashred.inference.fit.selection.stepwise_selection import (
     RefittedSet,
     Selection,
     choose_better,

@@ -7,8 +7,8 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from dashred.core.argument_types import NUMBER, list_reader, read_path
-from dashred.core.arguments import Command, argument
+from dashred.core.command_line.argument_types import NUMBER, list_reader, read_path
+from dashred.core.command_line.arguments import Command, argument
 from dashred.core.errors import DONE, InputError
 from dashred.core.stated.record_part import parse_part
 from dashred.data.io.tables.table_dialect import TABLES

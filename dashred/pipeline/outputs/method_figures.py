@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.physics.system import Term
 from dashred.pipeline.analysis import Analysis
-from dashred.pipeline.assimilation import AssimilationResult
+from dashred.pipeline.networks.assimilation import AssimilationResult
 from dashred.pipeline.problem import Problem
 from dashred.reporting.figures.save import (
     LatentPath,

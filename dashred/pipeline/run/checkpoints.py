@@ -30,9 +30,9 @@ from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.physics.expressions import nodes
 from dashred.physics.system import Term
 from dashred.physics.window import Shape, Window
-from dashred.pipeline.assimilation import AssimilationResult
+from dashred.pipeline.networks.assimilation import AssimilationResult
+from dashred.pipeline.networks.training import StoredNetwork, TrainedNetwork
 from dashred.pipeline.run.provenance import git_commit
-from dashred.pipeline.training import StoredNetwork, TrainedNetwork
 
 Result = TypeVar("Result")
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from dashred.config.bundled_systems import BASE, results_root
 from dashred.config.layers import absolute_path, store_root
 from dashred.config.source import read_file
-from dashred.core.arguments import (
+from dashred.core.command_line.arguments import (
     COMMAND_LINE,
     Command,
     argument,

@@ -10,9 +10,9 @@ from torch import Tensor
 
 from dashred.data.sensors import Sensor
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import Array, cut
 from dashred.inference.segments.state_sensors import StateSensors
+from dashred.inference.segments.steps.segment_simulator import SegmentSimulator
 from dashred.physics.runs.resolution import Resolution, minimum_scale
 from dashred.pipeline.problem import Problem
 

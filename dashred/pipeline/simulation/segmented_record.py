@@ -12,9 +12,9 @@ from dashred.core.errors import InputError
 from dashred.data.stated.saturation import at_stop
 from dashred.inference.segments.first_nodes import first_nodes
 from dashred.inference.segments.natural_scales import field_sizes
-from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import SAMPLES, Array, Segments, cut
 from dashred.inference.segments.state_sensors import StateSensors
+from dashred.inference.segments.steps.segment_simulator import SegmentSimulator
 from dashred.physics.runs.initial_state_prior import StartPrior
 from dashred.physics.tangents.ode_tangents import has_ode_tangents
 from dashred.pipeline.problem import Problem

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from dashred.config import Config, config_sha256
 from dashred.core.tracking import RunTracker
-from dashred.pipeline import training
-from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
+from dashred.pipeline.input.build_problem import build_problem
+from dashred.pipeline.networks import training
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.run import provenance
 from dashred.pipeline.run.checkpoints import Checkpoints, Stages

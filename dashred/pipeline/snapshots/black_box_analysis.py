@@ -16,8 +16,8 @@ from dashred.inference.latent_sindy.operator_inference import SnapshotSteps
 from dashred.models.assimilation import AssimilatedEncoder
 from dashred.models.lag_windows import windows
 from dashred.models.shred import reconstruct
-from dashred.physics.library import evaluate_terms
-from dashred.pipeline import assimilation, training
+from dashred.physics.terms.library import evaluate_terms
+from dashred.pipeline.networks import assimilation, training
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.snapshots import mismatch, snapshot_runs
 from dashred.pipeline.snapshots.snapshot_runs import SnapshotRuns

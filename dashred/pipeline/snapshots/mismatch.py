@@ -11,9 +11,9 @@ from torch import Tensor
 from dashred.inference.latent_sindy.operator_inference import SnapshotSteps
 from dashred.models.lag_windows import windows
 from dashred.models.shred import reconstruct
+from dashred.pipeline.networks.training import TrainedNetwork
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.snapshots.snapshot_runs import SnapshotRuns
-from dashred.pipeline.training import TrainedNetwork
 
 # A recording is inconsistent if its error exceeds that of all validation runs, and the mean of the
 # logarithm of theirs by this many standard deviations, which are at least FLOOR.

@@ -9,7 +9,7 @@ from dashred.core.units import TIME, format_unit, with_unit
 from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import ONE, Expr, Name, Number, Power, Product
 from dashred.physics.system import System
-from dashred.physics.term_units import coefficient_unit
+from dashred.physics.terms.term_units import coefficient_unit
 
 
 def meaning(system: System, field: str) -> str:

@@ -22,9 +22,9 @@ from dashred.physics.expressions.algebra import (
     split_coefficient,
 )
 from dashred.physics.hidden_state import followed_by
-from dashred.physics.let_terms import equations_with_let
 from dashred.physics.system import System
-from dashred.physics.term_units import coefficient_unit
+from dashred.physics.terms.let_terms import equations_with_let
+from dashred.physics.terms.term_units import coefficient_unit
 from dashred.reporting.wording.sized_term import (
     Description,
     SizedTerm,

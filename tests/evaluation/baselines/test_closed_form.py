@@ -15,7 +15,7 @@ from dashred.evaluation.baselines.closed_form import Traces, closed_form, eigenv
 from dashred.evaluation.twins import record_command
 from dashred.physics.runs.initial_state_prior import StartPrior, gaussian_process_modes
 from dashred.physics.system import System
-from dashred.pipeline.build_problem import build_problem
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 

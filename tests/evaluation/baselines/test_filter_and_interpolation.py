@@ -16,7 +16,7 @@ from dashred.inference.initial_state.linear_estimate import linear_estimate
 from dashred.physics.grids.grid import Axis, Grid
 from dashred.physics.runs.ensemble import Ensemble, term_scales
 from dashred.physics.solvers.simulate import simulate
-from dashred.pipeline.build_problem import build_problem
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.ensembles import simulate_ensemble
 from dashred.pipeline.simulation.nominal_run import NominalRun, simulate_nominal

@@ -13,7 +13,7 @@ from dashred import train
 from dashred.config import load_config
 from dashred.evaluation.baselines.closed_form import closed_form
 from dashred.evaluation.twins import record_command
-from dashred.pipeline.build_problem import build_problem
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 
 # Networks have no part in what is compared.

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from dashred.core.argument_types import ranges_reader
+from dashred.core.command_line.argument_types import ranges_reader
 from dashred.core.errors import InputError
 from dashred.evaluation import bench
 from dashred.evaluation.benchmark import processes

@@ -12,9 +12,9 @@ import torch
 
 from dashred.config import load_config
 from dashred.evaluation.comparison.pde_find import low_rank, pde_find, wiener
-from dashred.physics.library import build_library
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
+from dashred.physics.terms.library import build_library
 
 TIMES = 0.05 * torch.arange(81, dtype=torch.float64)
 

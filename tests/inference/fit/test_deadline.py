@@ -12,7 +12,7 @@ from dashred.core.budget import Deadline, OutOfTimeError
 from dashred.inference.fit.growing_horizon import grow_horizon
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.fit.stepwise_selection import RefittedSet, polish, select
+from dashred.inference.fit.selection.stepwise_selection import RefittedSet, polish, select
 from tests.swing import Swing, noisy
 
 SIGMA = 0.05

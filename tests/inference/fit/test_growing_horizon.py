@@ -157,7 +157,7 @@ def test_the_evidence_widens_the_prior_of_a_strong_force(swing: Swing, strong: T
 def test_a_narrow_prior_alone_shrinks_a_strong_force(
     swing: Swing, strong: Tensor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("dashred.inference.fit.widened_fit.ROUNDS", 0)
+    monkeypatch.setattr("dashred.inference.fit.selection.widened_fit.ROUNDS", 0)
     objective = swing.objective(NAMES, strong, SIGMA, TIGHT)
     found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
     assert not found.widened and found.levels[-1][1] > 2

@@ -16,10 +16,10 @@ from dashred.inference.forward.candidates import (
     build_forcing,
     indices_by_name,
 )
-from dashred.physics.library import evaluate_terms
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import evaluate_terms
 from tests import laws
 
 # Koch's model: conf/rde.yaml on fewer points.

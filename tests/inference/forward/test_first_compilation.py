@@ -12,11 +12,11 @@ from dashred.inference.forward.candidate_simulator import CandidateSimulator
 from dashred.inference.forward.candidates import build_candidates, build_forcing
 from dashred.inference.forward.first_compilation import compile_integrators
 from dashred.physics.cells import compiled_step as cells
-from dashred.physics.library import build_library
 from dashred.physics.solvers.compiled import runge_kutta as ode
 from dashred.physics.solvers.compiled import step as spectral
 from dashred.physics.system import System
 from dashred.physics.tangents import column_kernels, ode_columns
+from dashred.physics.terms.library import build_library
 
 COMPILED = (
     ode._integrate,

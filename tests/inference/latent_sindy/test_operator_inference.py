@@ -9,8 +9,8 @@ from dashred.config import Integrator
 from dashred.config import System as Declared
 from dashred.inference.latent_sindy.operator_inference import SnapshotSteps
 from dashred.models.pod import POD
-from dashred.physics.library import build_library
 from dashred.physics.system import System
+from dashred.physics.terms.library import build_library
 
 DT = 0.05
 

@@ -21,11 +21,11 @@ from dashred.models.lag_windows import windows
 from dashred.models.pod import POD
 from dashred.models.scaler import Scaler
 from dashred.models.shred import SHRED
-from dashred.physics.library import build_library
 from dashred.physics.runs.ensemble import term_scales
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
+from dashred.physics.terms.library import build_library
 
 LATENT = 64
 

@@ -12,8 +12,8 @@ from dashred.inference.fit.law import FittedParameter, Law
 from dashred.inference.forward.candidates import ChangePrior
 from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.inference.results.fitted_parameters import fitted_parameters
-from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import evaluate_terms
 from tests import laws
 
 TEXT = """

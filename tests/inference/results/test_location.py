@@ -19,8 +19,8 @@ from dashred.inference.results.location import (
     locate,
 )
 from dashred.inference.results.regime import active_states
-from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import evaluate_terms
 from dashred.reporting.text.regions import states_text
 from tests import laws
 

@@ -9,8 +9,8 @@ import torch
 
 from dashred.inference.results.corrected_system import build_corrected_system, with_parameters
 from dashred.inference.results.parameter_change import is_exact, parameter_change
-from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import evaluate_terms
 from tests import laws
 
 TEXT = """

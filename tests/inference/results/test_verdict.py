@@ -10,8 +10,8 @@ import torch
 
 from dashred.core.findings.cause_schema import NONE_OF_THESE
 from dashred.inference.fit.law import SensorFault
-from dashred.inference.fit.nested_fits import RoomLeft
 from dashred.inference.fit.noise_model import NoiseModel
+from dashred.inference.fit.selection.nested_fits import RoomLeft
 from dashred.inference.results.verdict import unexplained_share, verdict
 from dashred.physics.system import System
 from dashred.physics.window import Window, gate

@@ -13,10 +13,10 @@ from dashred.data.sensors import Sensor
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.segments.first_nodes import first_nodes
 from dashred.inference.segments.natural_scales import field_sizes, natural_scales
-from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import Array, Segments, cut
 from dashred.inference.segments.selection.search import SegmentSearch, search
 from dashred.inference.segments.state_sensors import StateSensors
+from dashred.inference.segments.steps.segment_simulator import SegmentSimulator
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 from dashred.physics.system import System
 from tests import laws

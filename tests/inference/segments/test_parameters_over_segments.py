@@ -14,12 +14,12 @@ from dashred.inference.segments.findings.segment_laws import law_from_segments
 from dashred.inference.segments.gauss_newton import fit_nodes
 from dashred.inference.segments.natural_scales import NaturalScales
 from dashred.inference.segments.point import Point
-from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import cut
 from dashred.inference.segments.selection.candidate_sets import profile
 from dashred.inference.segments.selection.search import SegmentSearch, weighted
 from dashred.inference.segments.selection.set_selection import SegmentLaw
 from dashred.inference.segments.state_sensors import StateSensors
+from dashred.inference.segments.steps.segment_simulator import SegmentSimulator
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 from tests import laws
 

@@ -12,12 +12,12 @@ import torch
 from dashred.config import load_config
 from dashred.inference.forward.candidates import Candidate, build_candidates
 from dashred.inference.results.parameter_change import exact_change
-from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import cut
-from dashred.physics.library import resolve
+from dashred.inference.segments.steps.segment_simulator import SegmentSimulator
 from dashred.physics.runs.tendency_size import program_slopes, tendency_size
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import resolve
 
 TEXT = """
 system:

@@ -10,9 +10,9 @@ import pytest
 from dashred.data.sensors import Sensor
 from dashred.inference.segments.block_tridiagonal import BlockNormal
 from dashred.inference.segments.point import Point
-from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import Array, cut
 from dashred.inference.segments.state_sensors import StateSensors
+from dashred.inference.segments.steps.segment_simulator import SegmentSimulator
 from dashred.inference.segments.walks import Walks
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 from tests import laws

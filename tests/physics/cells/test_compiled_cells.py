@@ -9,13 +9,13 @@ import torch
 
 from dashred.physics.cells.compiled import CompiledCells
 from dashred.physics.forcing_basis import ForcingBasis
-from dashred.physics.library import resolve
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.compiled_simulator import compile_system
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import Term
 from dashred.physics.tangents.cell_tangents import tangent_cells
+from dashred.physics.terms.library import resolve
 
 TEXTS = [("u", "u**2"), ("u", "d(v, x, 2)"), ("v", "d(v, x)"), ("v", "u*d(u, x)")]
 

@@ -12,13 +12,13 @@ from torch import Tensor
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
 from dashred.physics.forcing_basis import ForcingBasis
-from dashred.physics.library import evaluate_terms, resolve
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
 from dashred.physics.solvers.compiled_simulator import compile_system
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
 from dashred.physics.tangents.tangent_linear import tangent_linear
+from dashred.physics.terms.library import evaluate_terms, resolve
 from dashred.physics.window import window_shapes
 from tests import laws
 

@@ -8,13 +8,13 @@ import torch
 
 from dashred.core.budget import OutOfTimeError
 from dashred.core.errors import InputError
-from dashred.physics.library import build_library, evaluate_terms, resolve
 from dashred.physics.runs import ensemble
 from dashred.physics.runs.ensemble import Discrepancies, draw_ensemble, term_scales
 from dashred.physics.runs.initial_state_prior import StartPrior, nominal_start
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import Term
+from dashred.physics.terms.library import build_library, evaluate_terms, resolve
 
 TIMES = torch.linspace(0, 1, 6, dtype=torch.float64)
 

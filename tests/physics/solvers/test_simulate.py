@@ -6,13 +6,13 @@ import pytest
 import torch
 
 from dashred.core.errors import InputError
-from dashred.physics.library import resolve
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers import simulate as simulation
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.rhs import GridTendency
 from dashred.physics.solvers.simulate import check_finite, simulate
 from dashred.physics.system import Term
+from dashred.physics.terms.library import resolve
 from tests import laws
 
 SYSTEMS = ["burgers", "reaction", "plane", "oscillator"]

@@ -9,7 +9,6 @@ import pytest
 import torch
 
 from dashred.physics.forcing_basis import SampledForcing
-from dashred.physics.library import resolve
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.runs.resolution import simulate_refined
 from dashred.physics.solvers.forcing import Forcing
@@ -18,6 +17,7 @@ from dashred.physics.solvers.schedule import schedule
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.solvers.splitting import split_steps
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import resolve
 
 OSCILLATOR = """
     fields: {x: place, v: velocity}

@@ -8,13 +8,13 @@ import pytest
 import torch
 
 from dashred.physics.forcing_basis import ForcingBasis
-from dashred.physics.library import resolve
 from dashred.physics.parameter_sensitivity import parameter_tendency
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import Term
 from dashred.physics.tangents.cell_tangents import has_cell_tangents, tangent_cells
+from dashred.physics.terms.library import resolve
 
 TIMES = torch.tensor([0.0, 0.05, 0.13], dtype=torch.float64)
 STEP = 1e-5

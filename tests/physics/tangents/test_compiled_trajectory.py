@@ -6,13 +6,13 @@ import pytest
 import torch
 
 from dashred.physics.forcing_basis import SampledForcing
-from dashred.physics.library import resolve
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.compiled.etdrk4 import CompiledETDRK4
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
 from dashred.physics.tangents.compiled_trajectory import CompiledTrajectory
 from dashred.physics.tangents.tangent_linear import tangent_linear
+from dashred.physics.terms.library import resolve
 
 # Intervals of different lengths, so that steps of several lengths stand in one block.
 TIMES = torch.tensor([0.5, 0.6, 0.93, 1.0, 1.7]).double()

@@ -8,13 +8,13 @@ import pytest
 import torch
 
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
-from dashred.physics.library import resolve
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.compiled_simulator import compile_system
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
 from dashred.physics.tangents.ode_tangents import has_ode_tangents, tangent_ode
+from dashred.physics.terms.library import resolve
 from tests import laws
 
 TIMES = torch.tensor([0.5, 0.6, 0.93, 1.0, 1.7, 3.1]).double()

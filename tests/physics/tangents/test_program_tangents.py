@@ -9,7 +9,6 @@ import torch
 from torch import Tensor
 
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
-from dashred.physics.library import resolve
 from dashred.physics.program_parameters import parameter_term
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.forcing import Forcing
@@ -18,6 +17,7 @@ from dashred.physics.system import System, Term
 from dashred.physics.tangents.ode_tangents import tangent_ode
 from dashred.physics.tangents.program_tangents import tangent_program
 from dashred.physics.tangents.tangent_linear import tangent_linear
+from dashred.physics.terms.library import resolve
 
 # Factor of the law in each trajectory.
 EACH = torch.tensor([[1.0], [-1.0]]).double()

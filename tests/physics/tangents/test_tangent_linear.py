@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 import torch
 
-from dashred.physics.library import resolve
 from dashred.physics.parameter_sensitivity import parameter_tendency
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import Term
 from dashred.physics.tangents.tangent_linear import has_spectral_tangents, tangent_linear
+from dashred.physics.terms.library import resolve
 
 TIMES = torch.tensor([0.5, 0.6, 0.93, 1.0, 1.7]).double()
 

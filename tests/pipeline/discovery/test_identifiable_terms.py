@@ -9,8 +9,8 @@ import pytest
 
 from dashred.config import load_config
 from dashred.core.errors import InputError
-from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 from dashred.pipeline.simulation.state_samples import StateSamples, state_samples

@@ -9,7 +9,7 @@ import torch
 
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.fit.stepwise_selection import Selection, select
+from dashred.inference.fit.selection.stepwise_selection import Selection, select
 from dashred.inference.forward.episodes import EpisodeStarts
 from dashred.inference.initial_state.start_models import LinearStart, StartModel
 from dashred.pipeline.discovery.prior_start import fit_near_prior, select_near_prior

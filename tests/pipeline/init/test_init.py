@@ -13,7 +13,7 @@ from dashred.config.checks.placeholders import refuse_unfinished_lines
 from dashred.core.errors import InputError
 from dashred.physics.system import System
 from dashred.pipeline.init import command
-from dashred.pipeline.read_recorded import read_recorded
+from dashred.pipeline.input.read_recorded import read_recorded
 from tests.pipeline.init.strangers import bar_csv, swing_csv
 
 

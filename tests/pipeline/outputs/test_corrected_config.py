@@ -16,8 +16,8 @@ from dashred.inference.forward.candidates import ChangePrior
 from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.inference.results.parameter_change import is_exact
 from dashred.physics.backends.input_signals import InputSignals
-from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import evaluate_terms
 from dashred.pipeline.outputs.corrected_config import write_corrected
 from tests import laws
 

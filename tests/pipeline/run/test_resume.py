@@ -95,7 +95,7 @@ def test_the_same_command_in_the_same_folder_resumes(
         patch.setattr("dashred.pipeline.discovery.discovery.discover", interrupted)
         assert train(f"conf={quick}").code == 130
     run_id, _ = parent_of(tmp_path / "mlruns")
-    monkeypatch.setattr("dashred.pipeline.training.train_shred", no_second_time)
+    monkeypatch.setattr("dashred.pipeline.networks.training.train_shred", no_second_time)
     ended = train(f"conf={quick}")
     assert ended.code == 0, ended.err
     assert ended.read("findings.json") == twin_run.read("findings.json")
@@ -108,7 +108,7 @@ def test_a_run_resumes_with_its_own_recording_only(
     own = tmp_path / "own.nc"
     own.write_bytes(twin_run.read("recording.nc"))
     with monkeypatch.context() as patch:
-        patch.setattr("dashred.pipeline.assimilation.assimilate", interrupted)
+        patch.setattr("dashred.pipeline.networks.assimilation.assimilate", interrupted)
         assert train(f"conf={quick}", f"recording.path={own}").code == 130
     root = tmp_path / "mlruns"
     run_id, _ = parent_of(root)
@@ -126,7 +126,7 @@ def test_a_run_resumes_with_its_own_recording_only(
     assert "Traceback" not in refused.err
 
     (kept / MANIFEST).write_text(json.dumps(began))
-    monkeypatch.setattr("dashred.pipeline.training.train_shred", no_second_time)
+    monkeypatch.setattr("dashred.pipeline.networks.training.train_shred", no_second_time)
     ended = train(f"resume={run_id}")
     assert ended.code == 0, ended.err
     before = json.loads(twin_run.read("findings.json"))
@@ -137,7 +137,7 @@ def test_a_run_resumes_with_its_own_recording_only(
 def test_nothing_of_a_twin_lies_where_the_analysis_or_the_store_shows_it(
     quick, train, monkeypatch, tmp_path, own_state
 ) -> None:
-    monkeypatch.setattr("dashred.pipeline.training.train_shred", interrupted)
+    monkeypatch.setattr("dashred.pipeline.networks.training.train_shred", interrupted)
     words = ("recording.twin=b", f"recording.noise={NOISE}")
     assert train(f"conf={quick}", *words).code == 130
     run_id, _ = parent_of(tmp_path / "mlruns")

@@ -7,7 +7,7 @@ from pathlib import Path
 from torch import Tensor
 
 from dashred.config import load_config
-from dashred.pipeline.build_problem import build_problem
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun, simulate_nominal
 from tests.ring_recording import write_ring_recording

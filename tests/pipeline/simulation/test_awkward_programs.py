@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from dashred.config import Config, load_config
 from dashred.core.errors import InputError
 from dashred.pipeline import equations
-from dashred.pipeline.build_problem import build_problem
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 from tests.pipeline.simulation.conftest import SHORT_RUN
 

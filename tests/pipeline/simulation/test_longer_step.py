@@ -11,7 +11,7 @@ import torch
 
 from dashred.config import load_config
 from dashred.physics.solvers.simulate import simulate
-from dashred.pipeline.build_problem import build_problem
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.longer_step import LIMIT, with_longer_step
 from dashred.pipeline.simulation.nominal_run import simulate_nominal

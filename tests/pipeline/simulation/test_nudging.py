@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from dashred.config import load_config
-from dashred.pipeline.build_problem import build_problem
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.ensembles import simulate_nudged_ensemble
 from dashred.pipeline.simulation.nominal_run import NominalRun, simulate_nominal

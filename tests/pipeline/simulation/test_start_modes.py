@@ -9,7 +9,7 @@ import pandas as pd
 
 from dashred.config import load_config
 from dashred.physics.runs.initial_state_prior import fitted_modes
-from dashred.pipeline.build_problem import build_problem
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 
 STRING = """

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from dashred.config import load_config
 from dashred.core.budget import OutOfTimeError
 from dashred.pipeline import simulation_runs
-from dashred.pipeline.build_problem import build_problem
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 from dashred.pipeline.simulation.resolution_check import check_discretisation
 from dashred.pipeline.simulation.segment_resolution import _typical_change

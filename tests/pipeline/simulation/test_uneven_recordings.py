@@ -10,8 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from dashred.config import load_config
-from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.discovery.segments.segment_search import search_library
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 from tests.pipeline.simulation.conftest import SHORT_RUN

@@ -147,7 +147,7 @@ def test_what_was_cut_short_goes_on_without_training_again(given, train, monkeyp
         patch.setattr(report, interrupted)
         assert train(*words).code == 130
     monkeypatch.setattr(report, lambda *_: [])
-    monkeypatch.setattr("dashred.pipeline.training.train_shred", interrupted)
+    monkeypatch.setattr("dashred.pipeline.networks.training.train_shred", interrupted)
     again = train(*words)
     assert again.code == 0, again.err
     assert (again.read("findings.json"), again.read("estimates.nc")) == (before, fields)

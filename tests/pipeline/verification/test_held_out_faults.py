@@ -21,7 +21,7 @@ from dashred.inference.results.verdict import describe_fault, with_faults
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms, nominal_start
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
-from dashred.pipeline.build_problem import build_problem
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.verification.held_out_faults import err_next_to, held_out_faults
 from tests import laws

@@ -13,7 +13,7 @@ from dashred.config import load_config
 from dashred.inference.fit.law import FittedParameter, Law, SensorFault
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
-from dashred.pipeline.build_problem import build_problem
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.verification.restart import FIT_SAMPLES, restart
 from tests import laws

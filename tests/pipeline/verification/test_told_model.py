@@ -16,7 +16,7 @@ from dashred.inference.fit.law import Law, SensorFault
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms
 from dashred.physics.solvers.simulate import simulate
 from dashred.pipeline.analysis import Analysis
-from dashred.pipeline.build_problem import build_problem
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.trajectories import simulate_trajectories

@@ -10,7 +10,7 @@ import xarray as xr
 from dashred.config import load_config
 from dashred.physics.runs.resolution import Resolution
 from dashred.physics.system import System
-from dashred.pipeline.build_problem import build_problem
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.outputs import field_files
 from dashred.pipeline.verification import held_out, verification
 

@@ -149,7 +149,8 @@ def test_unconfirmed_faults_are_told_with_the_misfits_at_the_test_sensors() -> N
 def test_a_law_that_makes_a_held_out_run_blow_up_is_told_without_an_error_bar(
     after: float | None,
 ) -> None:
-    told = found(WORSE | {"data": "heldout_episode", "after": after, "error": None})
+    worse: Any = WORSE | {"data": "heldout_episode", "after": after, "error": None}
+    told = found(worse)
     assert "In the held-out episode the error is beyond all bounds with the suggested" in text_of(
         told
     )

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from dashred.physics.expressions import algebra
-from dashred.physics.library import default_terms
 from dashred.physics.system import System
+from dashred.physics.terms.library import default_terms
 from dashred.reporting.wording.term_description import describe_term
 from tests import laws
 

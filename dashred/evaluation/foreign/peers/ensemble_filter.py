@@ -18,8 +18,8 @@ def filter_with_coefficients(folder: Path) -> list[TermEntry]:
     """
     from dashred.evaluation.baselines.kalman_filter import filter_augmented
     from dashred.physics.runs.ensemble import Ensemble
-    from dashred.pipeline.build_problem import build_problem
     from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
+    from dashred.pipeline.input.build_problem import build_problem
     from dashred.pipeline.run import provenance
     from dashred.pipeline.simulation.nominal_run import simulate_nominal
     from dashred.pipeline.simulation.state_samples import StateSamples

@@ -11,8 +11,8 @@ import numpy as np
 from dashred.config import load_config
 from dashred.evaluation.foreign.cases.case import Array
 from dashred.evaluation.foreign.cases.case_files import CONFIG, read_simulator
-from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import build_library
 
 FULL = "full.npz"
 

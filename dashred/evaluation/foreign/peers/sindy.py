@@ -26,8 +26,8 @@ from dashred.evaluation.baselines.estimate import TermEntry
 from dashred.evaluation.foreign.cases.case import Array
 from dashred.evaluation.foreign.peers.full_state import FullState
 from dashred.evaluation.foreign.peers.sparse import sparse_law
-from dashred.physics.library import evaluate_terms
 from dashred.physics.system import Term
+from dashred.physics.terms.library import evaluate_terms
 
 RIDGE = 1e-4
 # Test functions of the weak form, and half their width as a share of the record.

@@ -11,8 +11,8 @@ import torch
 
 from dashred.core.errors import InputError
 from dashred.evaluation.foreign.cases.case import Array, Truth
-from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import evaluate_terms
 
 
 def added_tendencies(

@@ -22,15 +22,15 @@ from dashred.evaluation.proof.cases.effect_size import CaseTruth
 from dashred.evaluation.proof.cases.oracle import DECIDABLE, prior_and_library
 from dashred.evaluation.twins.recorder import true_expression
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.subset_search import ProfiledProblem, small_sets
+from dashred.inference.fit.selection.subset_search import ProfiledProblem, small_sets
 from dashred.inference.forward.candidates import Candidate, indices_by_name
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis
 from dashred.inference.initial_state.start_models import project_state
 from dashred.physics.system import Term
 from dashred.physics.window import window_shapes
-from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.discovery.least_squares import build_least_squares, exact_simulator
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.problem import Problem
 
 # Kinds whose laws act everywhere; only for these can all rivals be enumerated.

@@ -29,12 +29,12 @@ from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.candidates import Candidate, build_candidates
 from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis, WindowGuess
 from dashred.inference.initial_state.start_models import StartModel, project_state
-from dashred.physics.library import resolve
 from dashred.physics.system import Term
+from dashred.physics.terms.library import resolve
 from dashred.physics.window import window_shapes
-from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
 from dashred.pipeline.discovery.least_squares import build_least_squares, exact_simulator
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 from dashred.pipeline.simulation.state_samples import StateSamples

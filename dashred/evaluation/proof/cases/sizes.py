@@ -28,9 +28,9 @@ from dashred.evaluation.twins.recorder import (
     truth_times,
 )
 from dashred.evaluation.twins.twin_file import Twin, parse_twin
-from dashred.physics.library import evaluate_terms
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import evaluate_terms
 
 # Sizes as a share of the tendency of an equation, or of the value of a parameter: the start of the
 # search and the largest size.

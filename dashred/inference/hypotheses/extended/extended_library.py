@@ -17,7 +17,7 @@ from dashred.core.errors import InputError
 from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.fit.subset_search import ProfiledProblem
+from dashred.inference.fit.selection.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate, build_candidates
 from dashred.inference.hypotheses.extended.nonlinear_constants import (
     TunableTerm,
@@ -31,8 +31,8 @@ from dashred.inference.hypotheses.free_forcing import FreeForcing
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.windows.screening import profile_out
 from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis
-from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import build_library
 
 # Number of laws that are fitted, the best screened first.
 MAX_FITS = 4

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
-from dashred.inference.fit.subset_search import ProfiledProblem
+from dashred.inference.fit.selection.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
 from dashred.physics.expressions.algebra import (
     Call,

@@ -18,13 +18,13 @@ from dashred.core.budget import in_time
 from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.levenberg_marquardt import minimise
-from dashred.inference.fit.subset_search import ProfiledProblem
+from dashred.inference.fit.selection.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.physics.forcing_basis import ForcingBasis
-from dashred.physics.library import build_library, equations_with_candidates, resolve
 from dashred.physics.system import System
+from dashred.physics.terms.library import build_library, equations_with_candidates, resolve
 
 # Knots in time, and the smallest number of knots in a period: the forcing is linear between knots.
 KNOTS, KNOTS_PER_PERIOD = 64, 2.5

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.subset_search import ProfiledProblem
+from dashred.inference.fit.selection.subset_search import ProfiledProblem
 from dashred.inference.hypotheses.sources.bump import Bump
 from dashred.inference.hypotheses.sources.courses import Constant, Course, Free, Onset, Periodic
 from dashred.inference.hypotheses.sources.smooth_forcing import LinearisedForcing, modes_in_time

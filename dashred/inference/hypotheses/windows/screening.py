@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.subset_search import ProfiledProblem
+from dashred.inference.fit.selection.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.law_block import LawBlock, restrict_to_window
 from dashred.inference.hypotheses.free_forcing import FreeForcing

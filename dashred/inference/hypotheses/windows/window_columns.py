@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.subset_search import ProfiledProblem
+from dashred.inference.fit.selection.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.windows.windowed_hypothesis import LOG_WIDTH, WindowGuess
 from dashred.physics.expressions.semilinear import NotSemilinearError, SemilinearBuilder

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from dashred.inference.fit.subset_search import ProfiledProblem
+from dashred.inference.fit.selection.subset_search import ProfiledProblem
 from dashred.inference.segments.point import Point
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from dashred.inference.forward.candidates import Candidate
-from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import Array
+from dashred.inference.segments.steps.segment_simulator import SegmentSimulator
 
 
 def law_tendency(

@@ -17,7 +17,7 @@ from dashred.inference.segments.selection.law_tendency import law_tendency
 from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.inference.segments.selection.walk_choice import Walking, add_causes
 from dashred.inference.segments.walks import NO_WALKS
-from dashred.physics.library import equations_with_candidates
+from dashred.physics.terms.library import equations_with_candidates
 
 # Prior of the coefficients of a given law, in units of their size, and steps of its fit.
 WIDE, STEPS = 10.0, 8

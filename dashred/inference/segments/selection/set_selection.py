@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dashred.inference.fit.subset_search import ProfiledProblem
+from dashred.inference.fit.selection.subset_search import ProfiledProblem
 from dashred.inference.segments.gauss_newton import NodeFit, fit_nodes
 from dashred.inference.segments.point import Point
 from dashred.inference.segments.selection.candidate_sets import (

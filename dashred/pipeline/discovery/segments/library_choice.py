@@ -25,8 +25,8 @@ from dashred.inference.segments.selection.left_force import forced_score
 from dashred.inference.segments.selection.search import SegmentSearch, search_further
 from dashred.inference.segments.selection.set_selection import SegmentLaw
 from dashred.physics.expressions import algebra
-from dashred.physics.library import WAVES, angles, build_library, calls, default_terms
 from dashred.physics.system import System
+from dashred.physics.terms.library import WAVES, angles, build_library, calls, default_terms
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
 from dashred.pipeline.discovery.segments.hidden_state_stage import with_hidden_state
 from dashred.pipeline.discovery.segments.segment_search import search_library

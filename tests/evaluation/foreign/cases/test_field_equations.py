@@ -8,7 +8,7 @@ import pytest
 from dashred.evaluation.foreign.cases.field_cases import _system
 from dashred.evaluation.foreign.cases.field_equations import FIELD_EQUATIONS, FieldEquation
 from dashred.evaluation.foreign.cases.hidden_in_fields import all_terms, known_terms, leave_out
-from dashred.physics.library import build_library
+from dashred.physics.terms.library import build_library
 from tests.evaluation.foreign.invented import config_of, system_of
 
 

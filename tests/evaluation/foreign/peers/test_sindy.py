@@ -9,7 +9,7 @@ from pysindy import STLSQ
 from dashred.evaluation.foreign.peers.full_state import FullState
 from dashred.evaluation.foreign.peers.sindy import ensemble_sindy, weak_sindy
 from dashred.evaluation.foreign.peers.sparse import sparse_law
-from dashred.physics.library import build_library
+from dashred.physics.terms.library import build_library
 from tests.evaluation.foreign.invented import system_of
 
 SPIRAL = {

@@ -10,8 +10,8 @@ from dashred.config import load_config
 from dashred.evaluation.proof.cases.case_record import KINDS
 from dashred.evaluation.proof.cases.draw import KIND_DECKS, Case, draw_cases, seed_of
 from dashred.evaluation.proof.cases.systems import SYSTEMS, ProofSystem
-from dashred.physics.library import build_library
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import build_library
 
 CASES = draw_cases(seed_of("a commit"), 120, 100)
 

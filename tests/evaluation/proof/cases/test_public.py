@@ -10,7 +10,7 @@ import pytest
 from dashred.config import load_config
 from dashred.core.errors import InputError
 from dashred.evaluation.proof.cases.public import HASHES, check, publish, select_cases
-from dashred.pipeline.build_problem import build_problem
+from dashred.pipeline.input.build_problem import build_problem
 
 CHECKOUT = Path(__file__).resolve().parents[4]
 PUBLIC = CHECKOUT / "conf" / "proof"

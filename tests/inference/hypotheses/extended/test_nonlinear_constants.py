@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.subset_search import ProfiledProblem
+from dashred.inference.fit.selection.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.hypotheses.extended.nonlinear_constants import (
     fit_constant,
@@ -17,8 +17,8 @@ from dashred.inference.hypotheses.extended.nonlinear_constants import (
     parse_tunable_term,
     solve_within_bounds,
 )
-from dashred.physics.library import evaluate_terms
 from dashred.physics.system import System, Term
+from dashred.physics.terms.library import evaluate_terms
 from tests import laws
 from tests.waves import TEXT, Waves
 

@@ -21,7 +21,7 @@ from dashred.inference.hypotheses.extended.periodic_forcing import (
 )
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.physics.forcing_basis import ForcingBasis
-from dashred.physics.library import build_library, evaluate_terms, resolve
+from dashred.physics.terms.library import build_library, evaluate_terms, resolve
 from tests import laws
 from tests.waves import Waves, fitted
 

@@ -9,9 +9,9 @@ import torch
 
 from dashred.inference.forward.candidates import build_candidates
 from dashred.inference.hypotheses.windows.window_columns import build_pieces
-from dashred.physics.library import build_library
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.simulate import simulate
+from dashred.physics.terms.library import build_library
 from dashred.physics.window import window_shapes
 from tests import laws
 

@@ -14,11 +14,11 @@ from dashred.inference.segments.first_nodes import first_nodes
 from dashred.inference.segments.gauss_newton import NodeFit, fit_nodes
 from dashred.inference.segments.natural_scales import field_sizes, natural_scales
 from dashred.inference.segments.point import Point
-from dashred.inference.segments.segment_simulator import SegmentSimulator
 from dashred.inference.segments.segments import cut
 from dashred.inference.segments.selection.equivalent_laws import merge_equivalent
 from dashred.inference.segments.selection.search import SegmentSearch, search
 from dashred.inference.segments.selection.set_selection import SegmentLaw
+from dashred.inference.segments.steps.segment_simulator import SegmentSimulator
 from tests.inference.segments.conftest import MEAN, NOISE, TIMES, Convection, Find, weak_problem
 
 

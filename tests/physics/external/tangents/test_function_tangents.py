@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from dashred.core.errors import InputError
-from dashred.inference.segments.program_step import ProgramStep
+from dashred.inference.segments.steps.program_step import ProgramStep
 from dashred.physics.external.adapters.function import FunctionAdapter
 from dashred.physics.external.partial import PartialProgram
 from dashred.physics.external.stepped import SteppedProgram

@@ -7,7 +7,6 @@ import torch
 from torch import Tensor
 
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
-from dashred.physics.library import resolve
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.compiled.etdrk4 import CompiledETDRK4
 from dashred.physics.solvers.compiled_simulator import DeviceSystem, compile_system
@@ -17,6 +16,7 @@ from dashred.physics.system import System, Term
 from dashred.physics.tangents.on_device import spectral_tangents
 from dashred.physics.tangents.on_device.spectral_tangents import tangents_on_device
 from dashred.physics.tangents.tangent_linear import tangent_linear
+from dashred.physics.terms.library import resolve
 
 # Intervals of different lengths, so that steps of several lengths stand in one block.
 TIMES = torch.tensor([0.5, 0.6, 0.93, 1.0, 1.7]).double()

@@ -14,8 +14,8 @@ from dashred.inference.results.hidden_state import hidden_state
 from dashred.inference.segments.findings.segment_laws import law_from_segments
 from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.physics.solvers.simulate import simulate
-from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.discovery.segments.library_choice import search_libraries
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 

@@ -12,10 +12,10 @@ from scipy.integrate import solve_ivp
 from dashred.config import load_config
 from dashred.inference.forward.candidates import build_candidates
 from dashred.inference.segments.selection.search import SegmentSearch
-from dashred.pipeline.build_problem import build_problem
 from dashred.pipeline.discovery.least_squares import build_least_squares, exact_simulator
 from dashred.pipeline.discovery.segments.library_choice import search_libraries
 from dashred.pipeline.discovery.segments.segment_horizon import follow_segments
+from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun, simulate_nominal
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from dashred.inference.segments.program_step import ProgramStep
+from dashred.inference.segments.steps.program_step import ProgramStep
 from dashred.physics.external.adapters.fmu.description import read_description
 from dashred.physics.external.adapters.fmu.fmu import FmuAdapter
 from dashred.physics.external.adapters.fmu.fmu_tangents import FmuTangents

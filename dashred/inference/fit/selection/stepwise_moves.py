@@ -1,0 +1,66 @@
+"""The sets of candidates to refit: promising sets, and sets one move away from the best."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from dashred.inference.fit.selection.subset_search import ProfiledProblem, backward_path, small_sets
+
+Set = tuple[int, ...]
+
+LARGEST = 3
+LARGEST_ON_PATH = 6
+# Number of sets refitted at first, by size, in addition to the backward path and the proposals.
+REFITTED = {1: 6, 2: 8, 3: 8}
+NEIGHBOURS = 16
+# A fit is stuck if the linearised problem predicts an F that is lower by more than this.
+STUCK = 2.0
+
+
+def promising_sets(problem: ProfiledProblem) -> list[Set]:
+    """Return the best sets of each size, and those of the backward path."""
+    count = len(problem.target)
+    found: list[Set] = []
+    for sets in small_sets(count, min(LARGEST, count)):
+        size = len(sets[0])
+        if size:
+            order = problem.costs(sets).argsort()[: REFITTED[size]]
+            found += [sets[i] for i in order.tolist()]
+    path = backward_path(problem, LARGEST_ON_PATH)
+    return found + [members for members in path if len(members) > LARGEST]
+
+
+def neighbouring_sets(
+    problem: ProfiledProblem, members: Set, tried: Mapping[Set, float]
+) -> list[Set]:
+    """Return the best sets that differ from a set by one swap, one addition or one omission.
+
+    The small promising sets are included. A set that was refitted before is left out, unless its F
+    is above the prediction of the linearised problem: its fit may be stuck.
+
+    Args:
+        problem: the linearised problem at the fit of the set.
+        members: the set.
+        tried: F of the sets that were refitted.
+    """
+    others = [j for j in range(len(problem.target)) if j not in members]
+    drops = [tuple(j for j in members if j != out) for out in members]
+    swaps = [tuple(sorted((*kept, other))) for kept in drops for other in others]
+    adds = [tuple(sorted((*members, other))) for other in others]
+    found: list[Set] = _to_refit(problem, promising_sets(problem), tried)
+    for moves, most in ((drops, len(drops)), (swaps, NEIGHBOURS // 2), (adds, NEIGHBOURS // 2)):
+        if moves:
+            order = problem.costs(moves).argsort().tolist()
+            found += _to_refit(problem, [moves[i] for i in order], tried)[:most]
+    return found
+
+
+def _to_refit(
+    problem: ProfiledProblem, sets: Sequence[Set], tried: Mapping[Set, float]
+) -> list[Set]:
+    """Return the sets that were not refitted, or whose F is above the prediction."""
+    return [
+        members
+        for members in sets
+        if members not in tried or float(problem.costs([members])) < tried[members] - STUCK
+    ]

@@ -1,0 +1,1 @@
+"""Steps of a simulator over segments, and their derivatives."""

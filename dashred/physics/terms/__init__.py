@@ -1,0 +1,1 @@
+"""Terms of the library, of lets, and their units."""

@@ -1,0 +1,130 @@
+"""Extend the horizon: the part of the record that the fit has reached."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import torch
+
+from dashred.core.progress import Report
+from dashred.inference.fit.first_window import first_samples
+from dashred.inference.fit.growing_horizon import HorizonFit, grow_horizon
+from dashred.inference.fit.least_squares import LeastSquaresProblem
+from dashred.inference.fit.selection.stepwise_selection import Selection, select
+from dashred.inference.forward.candidates import Candidate
+from dashred.inference.forward.simulator import Simulator
+from dashred.pipeline.discovery.first_guess_stage import FittedGuess
+from dashred.pipeline.discovery.least_squares import build_least_squares
+from dashred.pipeline.problem import Problem
+
+# Number of the best laws that are selected from again over a longer part of the record.
+LAWS_AGAIN = 6
+
+
+def fit_from_first_guesses(
+    problem: Problem,
+    simulator: Simulator,
+    candidates: Sequence[Candidate],
+    guesses: Sequence[FittedGuess],
+    report: Report,
+) -> tuple[FittedGuess, HorizonFit]:
+    """Extend the horizon from each first guess until one of them reaches the end of the record.
+
+    Args:
+        problem: recording and settings.
+        simulator: simulator with all candidates, at the resolution for this stage.
+        candidates: terms that may be missing.
+        guesses: fitted first guesses, the best first.
+        report: progress.
+
+    Returns:
+        The first guess with the longest horizon, and its fit.
+    """
+    settings = problem.config.discovery
+    limits = torch.tensor([c.limit for c in candidates], dtype=torch.float64)
+    deadline = problem.deadline("grow the horizon")
+    best: tuple[FittedGuess, HorizonFit] | None = None
+    for guess in guesses:
+        if best is not None and deadline.is_over:
+            break
+        objective = build_least_squares(problem, simulator, guess.start, candidates, settings.tight)
+        tight = torch.minimum(objective.prior_std, limits)
+        objective = replace(objective, prior_std=tight, deadline=deadline)
+        initial, samples = objective.embed(guess.z, []), first_samples(objective)
+        horizon = grow_horizon(objective, initial, samples, settings.walking, report)
+        if best is None or horizon.samples > best[1].samples:
+            best = guess, horizon
+        if horizon.is_complete:
+            break
+    assert best is not None
+    if deadline.is_over and not best[1].is_complete:
+        problem.budget.leave_out("a longer horizon")
+    return best
+
+
+def selection_prior(tight: float, weak: float, horizon: HorizonFit) -> float:
+    """Return the prior std of the coefficients in the selection, in their natural scales.
+
+    It is the weak one, unless the evidence of the growing horizon needed a wider one: then
+    all candidates get it. A prior that is too narrow for the law would prefer several nearly
+    proportional terms, which share its coefficient, to the one true term.
+
+    Args:
+        tight: prior std while the horizon grows.
+        weak: smallest prior std in the selection.
+        horizon: fit whose prior may have been widened.
+    """
+    return max(weak, tight * horizon.widest)
+
+
+def with_residual_noise(objective: LeastSquaresProblem, horizon: HorizonFit) -> LeastSquaresProblem:
+    """Return the least-squares problem with the noise estimated from the residuals of a fit.
+
+    Args:
+        objective: problem of all candidates over the whole record.
+        horizon: fit up to the horizon.
+    """
+    part = objective.truncate(horizon.samples)
+    fitted = part.subset(horizon.members)
+    normal = fitted.linearise(horizon.phi[part.indices(horizon.members)], horizon.readings)
+    noise = part.estimate_noise(
+        horizon.readings, normal.effective_parameters(range(len(normal.phi)))
+    )
+    return replace(objective, noise=noise.over(objective.noise))
+
+
+def extend_horizon(
+    objective: LeastSquaresProblem,
+    horizon: HorizonFit,
+    selection: Selection,
+    proposals: list[tuple[int, ...]],
+    report: Report,
+) -> tuple[HorizonFit, Selection]:
+    """Extend the horizon with the best law and select the terms again over the longer record.
+
+    A law with few terms may follow a trajectory that the fit of all candidates could not follow.
+
+    Args:
+        objective: problem of all candidates over the whole record.
+        horizon: fit of all candidates up to their horizon.
+        selection: laws that were selected up to this horizon.
+        proposals: sets of candidates that are tried in any case.
+        report: progress.
+    """
+    if objective.deadline.is_over:
+        return horizon, selection
+    best = selection.tried[0]
+    law = objective.subset(best.members)
+    initial = best.phi[objective.indices(best.members)]
+    longer = grow_horizon(law, initial, horizon.samples, len(best.members), report)
+    if longer.samples == horizon.samples:
+        return horizon, selection
+    longer = replace(
+        longer,
+        phi=objective.embed(longer.phi, best.members),
+        members=best.members,
+        levels=[*horizon.levels, *longer.levels[1:]],
+    )
+    sets = [*proposals, *(tried.members for tried in selection.tried[:LAWS_AGAIN])]
+    return longer, select(objective.truncate(longer.samples), longer.phi, sets, report)

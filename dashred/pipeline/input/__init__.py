@@ -1,0 +1,1 @@
+"""Read and check the input of an analysis, and build its problem."""

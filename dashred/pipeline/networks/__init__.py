@@ -1,0 +1,1 @@
+"""Train SHRED, and assimilate the recording."""

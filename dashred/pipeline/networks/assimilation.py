@@ -1,0 +1,183 @@
+"""Assimilation: fit the latent transform to the recording, with latent SINDy at every epoch."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+
+import lightning
+import torch
+from lightning.pytorch.callbacks import EarlyStopping
+from torch import Tensor
+
+from callbacks import BestState, LatentDiscovery, RMSECurves, StageProgress, TimeLimit
+from dashred.core.progress import stage
+from dashred.core.tracking import RunTracker
+from dashred.inference.latent_sindy.latent_sindy import LatentProblem
+from dashred.inference.latent_sindy.sparse_regression import SparseFit
+from dashred.models.assimilation import AssimilatedEncoder, Assimilation
+from dashred.models.shred import SHRED, reconstruct
+from dashred.physics.runs.ensemble import term_scales
+from dashred.pipeline.networks.training import make_trainer
+from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation.nominal_run import NominalRun
+from dashred.pipeline.simulation.program_cost import follows_segments
+from datamodules import EpisodesDataModule, RecordingDataModule
+
+METRIC = "rmse/sensors_validate"
+
+
+@dataclass(frozen=True)
+class AssimilationResult:
+    """SHRED and DA-SHRED on the recording.
+
+    Attributes:
+        shred: field that SHRED reconstructs over the fit window, ``(time, field, *grid)``.
+        dashred: field that SHRED reconstructs with the latent transform, same shape.
+        best_epoch: epoch with the lowest validation error; 0 keeps SHRED unchanged.
+        proposals: algorithm → terms that Algorithms 1 and 2 propose for the final network.
+        epochs: epochs at which the regressions ran.
+        coefficients: algorithm → coefficients by epoch, ``(epoch, term)``.
+        curves: metric → (epoch, value).
+        others: ``(shred, dashred)`` of the other fitted episodes.
+    """
+
+    shred: Tensor
+    dashred: Tensor
+    best_epoch: int
+    proposals: dict[str, SparseFit]
+    epochs: list[int]
+    coefficients: dict[str, list[list[float]]]
+    curves: dict[str, list[tuple[int, float]]]
+    others: tuple[tuple[Tensor, Tensor], ...] = ()
+
+
+def sensor_data(problem: Problem) -> RecordingDataModule:
+    """Return the training data of the assimilation: the recording, episode by episode."""
+    parts = [
+        RecordingDataModule(
+            episode.split.fit,
+            episode.split.validation,
+            episode.split.inputs,
+            episode.config.shred.lags,
+            episode.config.assimilation.batch,
+            episode.config.seed,
+        )
+        for episode in problem.episodes
+    ]
+    return parts[0] if len(parts) == 1 else EpisodesDataModule(parts)
+
+
+def assimilate(
+    problem: Problem, nominal: NominalRun, shred: SHRED, run: RunTracker, seconds: dict[str, float]
+) -> AssimilationResult:
+    """Fit the latent transform T to the fit sensors and propose terms at every epoch.
+
+    Training stops when the error at the validation sensors no longer decreases.
+
+    Args:
+        problem: settings and recording.
+        nominal: simulation that gives the scales of the terms.
+        shred: network trained on the simulation; it is not changed.
+        run: tracker of the parent run.
+        seconds: run time by stage, updated.
+    """
+    return fit_transform(problem, _latent_problem(problem, nominal), shred, run, seconds)[0]
+
+
+def fit_transform(
+    problem: Problem,
+    latent: LatentProblem,
+    shred: SHRED,
+    run: RunTracker,
+    seconds: dict[str, float],
+) -> tuple[AssimilationResult, AssimilatedEncoder]:
+    """Fit the latent transform with a given problem of latent SINDy.
+
+    Args:
+        problem: settings and recording.
+        latent: problem that latent SINDy solves at every epoch.
+        shred: network trained on the simulation; it is not changed.
+        run: tracker of the parent run.
+        seconds: run time by stage, updated.
+
+    Returns:
+        The result, and the encoder G_R: SHRED followed by the latent transform.
+    """
+    settings, split = problem.config.assimilation, problem.split
+    data = sensor_data(problem)
+    lightning.seed_everything(problem.config.seed + 1, verbose=False)
+    module = Assimilation(
+        copy.deepcopy(shred),
+        problem.operator(split.fit),
+        problem.operator(split.validation),
+        problem.noise_of(split.fit.names),
+        (
+            torch.from_numpy(split.fit.trace_scale()),
+            torch.from_numpy(split.validation.trace_scale()),
+        ),
+        settings.width,
+        settings.penalty,
+        settings.rate,
+        settings.encoder_rate,
+    )
+    before = reconstruct(shred.encode, shred, data.windows)
+    with run.child("assimilate") as child, stage("assimilate, latent SINDy", seconds) as report:
+        child.log_terms([str(term) for term in problem.library])
+        curves = RMSECurves(child, run, "assimilate")
+        best, limit = BestState(METRIC, settings.gain), TimeLimit(problem.deadline("assimilate"))
+        discovery = LatentDiscovery(latent, child, run)
+        # Latent SINDy simulates in every epoch.
+        proposes = not follows_segments(problem)
+        trainer = make_trainer(
+            problem.config,
+            [
+                curves,
+                best,
+                limit,
+                *([discovery] if proposes else []),
+                EarlyStopping(METRIC, patience=settings.patience),
+                StageProgress(report, METRIC, "RMSE on validation sensors"),
+            ],
+            settings.epochs,
+        )
+        trainer.fit(module, data)
+        module = module.cpu()
+        proposals = discovery.finish(module) if proposes else {}
+        report(1.0, f"best after {best.best_epoch} epochs, RMSE {best.best:.3f} on validation")
+    if not proposes:
+        problem.budget.leave_out("latent SINDy")
+    if limit.ended_at is not None:
+        left_out = f"epochs {limit.ended_at + 1} to {settings.epochs} of the assimilation"
+        problem.budget.leave_out(left_out)
+    after = reconstruct(module.encoder, module.shred, data.windows)
+    counts = [len(episode.split.fit.times) for episode in problem.episodes]
+    (first, assimilated), *others = zip(before.split(counts), after.split(counts), strict=True)
+    result = AssimilationResult(
+        first,
+        assimilated,
+        best.best_epoch,
+        proposals,
+        discovery.epochs,
+        discovery.history,
+        curves.history,
+        tuple(others),
+    )
+    return result, module.encoder
+
+
+def _latent_problem(problem: Problem, nominal: NominalRun) -> LatentProblem:
+    # A step must not lead from one episode into another. The first episode is the longest.
+    fit = problem.split.fit
+    count = len(fit.times)
+    times = problem.times[:count]
+    return LatentProblem(
+        system=problem.system,
+        library=problem.library,
+        scales=term_scales(problem.system, problem.library, nominal.references[0][:count], times),
+        operator=problem.operator(fit.select(problem.split.inputs)),
+        times=times,
+        windows=sensor_data(problem).windows[:count],
+        settings=problem.config.latent_sindy,
+        seed=problem.config.seed,
+    )
