@@ -13,6 +13,7 @@ from dashred.core.budget import Budget
 from dashred.core.progress import Report
 from dashred.inference.fit.law import distinct_laws
 from dashred.inference.fit.least_squares import LeastSquaresProblem
+from dashred.inference.fit.selection.stepwise_selection import term_penalty
 from dashred.inference.hypotheses.comparison.backward_elimination import eliminate_terms
 from dashred.inference.hypotheses.comparison.comparison import Additions, Comparison
 from dashred.inference.hypotheses.comparison.faults_beside_laws import (
@@ -36,6 +37,7 @@ from dashred.inference.hypotheses.comparison.local_source import (
     SourceHypothesis,
     map_forcing,
 )
+from dashred.inference.hypotheses.comparison.needless_terms import drop_needless_terms
 from dashred.inference.hypotheses.comparison.noise_reestimation import (
     refit_under_best_noise,
 )
@@ -178,6 +180,12 @@ def _add_sensor_faults(
             "sensor faults under the noise of the best law",
             lambda: search_faults_beside_best(hypotheses.fits, set()),
         )
+    # A fit without a term may have ended in another minimum than that of the best law.
+    penalty = term_penalty(residual.full_problem)
+    hypotheses.add(
+        "the best law without a term",
+        lambda: drop_needless_terms(hypotheses.leader, penalty),
+    )
     return forcing_gain
 
 

@@ -1,4 +1,4 @@
-"""Drop terms of a law that sensor faults have made needless.
+"""Drop terms that a law does not need.
 
 A term may have explained what a faulty sensor reads; then the faults explain the recording alone.
 """
@@ -18,21 +18,27 @@ STEPS, TOLERANCE = 10, 1e-4
 def drop_needless_terms(fit: HypothesisFit, penalty: float) -> list[HypothesisFit]:
     """Return a law with fewer terms and the same faults, after every term that is dropped.
 
+    A law in a window, of a source or of the extended library stays as it is, as does one that was
+    fitted without some sensors.
+
     Args:
-        fit: a law with sensor faults.
+        fit: a law, with its sensor faults.
         penalty: penalty of one term in the score.
     """
     found: list[HypothesisFit] = []
-    while fit.law.candidates and fit.law.window is None:
+    law = fit.law
+    if law.window is not None or law.source is not None or law.is_extended or fit.excluded:
+        return found
+    while fit.law.candidates:
         losses = [_loss_without(fit, term) for term in range(len(fit.law.candidates))]
         least = min(losses)
         if least > penalty:
             break
         smaller = _without(fit, losses.index(least))
-        law = replace(smaller.law, score=smaller.law.score - penalty)
-        if law.score > fit.law.score:
+        fewer = replace(smaller.law, score=smaller.law.score - penalty)
+        if fewer.score > fit.law.score:
             break
-        fit = replace(smaller, law=law)
+        fit = replace(smaller, law=fewer)
         found.append(fit)
     return found
 
