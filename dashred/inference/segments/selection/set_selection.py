@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from dashred.core.budget import NEVER
 from dashred.inference.fit.selection.subset_search import ProfiledProblem
 from dashred.inference.segments.gauss_newton import NodeFit, fit_nodes
 from dashred.inference.segments.point import Point
@@ -82,10 +83,38 @@ def select(
         if not math.isfinite(best.score) or best.members == winner:
             break
         point, about, winner = best.fit.point, problem, best.members
+    drop_needless(problem, fits)
     best = _ranked(problem, fits)[0]
     small = _small_sets(problem, best) if len(best.members) > LARGEST else []
     _refit_all(problem, best.fit.point, [(), *proposals, *small], fits)
     return _ranked(problem, fits)
+
+
+def drop_needless(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> None:
+    """Refit the best set without the candidates that it does not need.
+
+    It takes little time, so it is done after the deadline, too: a search that was ended early may
+    have left candidates whose coefficients are below their error.
+
+    Args:
+        problem: F under which the sets are refitted.
+        fits: sets and their fits, updated.
+    """
+    problem = replace(problem, deadline=NEVER)
+    while smaller := without_one((best := _ranked(problem, fits)[0]).members):
+        profiled = profile(problem, best.fit.point)
+        if profiled is None:
+            break
+        costs = predict(profiled, smaller)
+        members = min(costs, key=costs.__getitem__)
+        level = problem.level(fit.cost for fit in fits.values())
+        if costs[members] > best.fit.cost + level * term_price(problem):
+            break
+        fit = refit(problem, best.fit.point, members)
+        if members not in fits or fit.cost < fits[members].cost:
+            fits[members] = fit
+        if _ranked(problem, fits)[0].members != members:
+            break
 
 
 def _promising(

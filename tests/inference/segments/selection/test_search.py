@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dashred.core.budget import Deadline
 from dashred.inference.segments.findings.error_growth import error_growth
 from dashred.inference.segments.findings.forecast import forecast, forecast_length, sufficient_law
 from dashred.inference.segments.findings.segment_laws import law_from_segments, states_by_sample
@@ -17,7 +18,12 @@ from dashred.inference.segments.point import Point
 from dashred.inference.segments.segments import cut
 from dashred.inference.segments.selection.equivalent_laws import merge_equivalent
 from dashred.inference.segments.selection.search import SegmentSearch, search
-from dashred.inference.segments.selection.set_selection import SegmentLaw
+from dashred.inference.segments.selection.set_selection import (
+    SegmentLaw,
+    drop_needless,
+    refit,
+    term_price,
+)
 from dashred.inference.segments.steps.segment_simulator import SegmentSimulator
 from tests.inference.segments.conftest import MEAN, NOISE, TIMES, Convection, Find, weak_problem
 
@@ -38,6 +44,19 @@ def test_the_missing_damping_is_found(convection: Convection, found: SegmentSear
     low, high = law.interval(0)
     assert low < -1.0 < high and high - low < 0.1
     assert found.level == pytest.approx(1.0, abs=0.25)
+
+
+def test_candidates_that_are_not_needed_are_dropped_after_the_deadline(
+    found: SegmentSearch,
+) -> None:
+    problem = replace(found.problem, deadline=Deadline(0.0))
+    [needed], point = found.best.members, found.best.fit.point
+    more = tuple(sorted({needed, 0, 5}))
+    fits = {members: refit(found.problem, point, members) for members in ((), more)}
+    drop_needless(problem, fits)
+    price = term_price(problem)
+    scores = {members: fit.cost + price * len(members) for members, fit in fits.items()}
+    assert min(scores, key=scores.__getitem__) == (needed,)
 
 
 def test_readings_without_noise_prove_no_terms_below_the_least_noise(
