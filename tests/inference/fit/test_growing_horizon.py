@@ -94,7 +94,7 @@ def test_a_fit_that_blows_up_is_rejected(
         lost = len(objective.recorded) > LATE
         return replace(found, cost=math.inf, chi2=math.nan) if lost else found
 
-    for name in ("growing_horizon", "widened_fit"):
+    for name in ("growing_horizon", "selection.widened_fit"):
         monkeypatch.setattr(f"dashred.inference.fit.{name}.minimise", blown)
     found = grown(swing, missing)
     assert not found.is_complete and LATE - 5 <= found.samples <= LATE

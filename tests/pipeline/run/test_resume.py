@@ -61,7 +61,11 @@ def test_a_resumed_twin_gives_the_same_bytes_in_the_same_run(
     run_id, status = parent_of(root)
     assert status in ("FAILED", "KILLED")
     assert not list(output.rglob("sealed.nc")) + list(root.rglob("sealed.nc"))
-    stages = ("training.train_shred", "assimilation.assimilate", "discovery.discovery.discover")
+    stages = (
+        "networks.training.train_shred",
+        "networks.assimilation.assimilate",
+        "discovery.discovery.discover",
+    )
     for stage in stages:
         monkeypatch.setattr(f"dashred.pipeline.{stage}", no_second_time)
 
