@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from dashred.core.cluster.word import Cluster
+from dashred.core.cluster.word import WHERE, Cluster
 from dashred.core.cluster.workers import check_workers
 from dashred.core.errors import InputError
 from dashred.core.progress import CONSOLE
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from distributed import Client
     from distributed.deploy.cluster import Cluster as StartedCluster
 
-WHERE = "cluster="
 # Seconds in which a scheduler has to answer, and in which a worker of a batch system has to start.
 ANSWER_SECONDS, START_SECONDS = 10, 600
 

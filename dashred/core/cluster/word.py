@@ -6,6 +6,8 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
+# Where messages about a cluster say the problem is.
+WHERE = "cluster="
 MAX_WORKERS = 1024
 ADDRESS = re.compile(r"(tcp|tls)://[^\s:/]+:\d{1,5}\Z")
 BATCH = re.compile(r"(slurm|kubernetes):(\d{1,6})\Z", re.ASCII)

@@ -9,11 +9,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Protocol
 
+from dashred.core.cluster.word import WHERE
 from dashred.core.errors import InputError
 
 # Their versions decide the bits of a result.
 PACKAGES = ("numpy", "scipy", "torch", "numba")
-WHERE = "cluster="
 
 
 class Workers(Protocol):

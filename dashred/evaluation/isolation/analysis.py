@@ -15,7 +15,13 @@ from threading import Lock
 
 from dashred.core.errors import DONE
 from dashred.core.job_control import last_line
-from dashred.evaluation.isolation.worker import Worker, WorkerLostError, isolated_copy, worker
+from dashred.evaluation.isolation.worker import (
+    Worker,
+    WorkerLostError,
+    isolated_copy,
+    store_words,
+    worker,
+)
 
 # In the words of an analysis these stand for the folders of its case and of its findings.
 GIVEN, FOUND = "{given}", "{found}"
@@ -87,9 +93,7 @@ def analyse(analysis: Analysis, started: Callable[[Worker], None] | None = None)
         copy = _package_copy()
         words = [
             *(w.replace(GIVEN, str(given)).replace(FOUND, str(found)) for w in analysis.words),
-            f"tracking.root={copy / 'mlruns'}",
-            "tracking.experiment=analysis",
-            "tracking.model=false",
+            *store_words(copy),
         ]
         began = time.perf_counter()
         try:

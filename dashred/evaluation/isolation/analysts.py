@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from threading import Event
 from typing import TYPE_CHECKING, Protocol
 
-from dashred.core.cluster.word import Cluster
+from dashred.core.cluster.word import WHERE, Cluster
 from dashred.core.errors import InputError
 from dashred.evaluation.isolation.analysis import Analysis, Answer, analyse
 from dashred.evaluation.isolation.worker import Worker
@@ -91,7 +91,7 @@ class ClusterAnalysts:
         except CancelledError:
             raise NotAnsweredError(
                 "the scheduler is lost",
-                where="cluster=",
+                where=WHERE,
                 hint="finished cases are kept: start the scheduler, and run the command again",
             ) from None
 

@@ -82,6 +82,12 @@ def isolated_copy(to: Path) -> Path:
     return to
 
 
+def store_words(copy: Path) -> list[str]:
+    """Return the arguments by which an analysis logs to a store in its isolated copy."""
+    store = f"tracking.root={copy / 'mlruns'}"
+    return [store, "tracking.experiment=analysis", "tracking.model=false"]
+
+
 @contextmanager
 def worker(copy: Path) -> Iterator[Worker]:
     """Start a worker in an isolated copy; terminate it at the end of the block."""

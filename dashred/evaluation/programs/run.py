@@ -14,7 +14,12 @@ from dashred.config import load_config
 from dashred.core.errors import DONE
 from dashred.core.job_control import last_line, lock_folder, signals_as_interrupt
 from dashred.core.progress import CONSOLE
-from dashred.evaluation.isolation.worker import WorkerLostError, isolated_copy, worker
+from dashred.evaluation.isolation.worker import (
+    WorkerLostError,
+    isolated_copy,
+    store_words,
+    worker,
+)
 from dashred.evaluation.programs import bundled_steps
 from dashred.evaluation.programs.arguments import BENCHMARK, Request
 from dashred.evaluation.programs.hidden_equations import STEPS, hide_equations
@@ -93,9 +98,7 @@ def _analyse(
         f"output={found}",
         f"seed={case.seed}",
         "threads=1",
-        f"tracking.root={copy / 'mlruns'}",
-        "tracking.experiment=analysis",
-        "tracking.model=false",
+        *store_words(copy),
     ]
     if request.budget is not None:
         words.append(f"budget={request.budget}")

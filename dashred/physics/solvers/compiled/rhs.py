@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from dashred.physics.backends.channels import Channels
@@ -19,10 +18,8 @@ from dashred.physics.grids.transforms import to_modes
 from dashred.physics.solvers.batch_coefficients import CoefficientLayout
 from dashred.physics.solvers.compiled.tendency import Modes, TendencyArrays
 from dashred.physics.solvers.rhs import dealias_mask
-from dashred.physics.system import System, Term
+from dashred.physics.system import CPU, System, Term
 from dashred.physics.window import Shape
-
-CPU = torch.device("cpu")
 
 
 class CompiledTendency:
