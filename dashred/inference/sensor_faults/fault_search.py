@@ -202,7 +202,7 @@ def estimate_faults(problem: FaultProblem, faults: Sequence[Fault]) -> FaultSet:
     return replace(whole.faults, parameters=tuple(parameters), covariances=tuple(covariances))
 
 
-def cost_without_worst(problem: FaultProblem, count: int) -> float:
+def costs_without_worst(problem: FaultProblem, count: int) -> list[float]:
     """Return F of the linearised problem without its worst sensors, plus 1 for each lost reading.
 
     No faults of so many sensors leave less, except for faults of sensors that look sound: beside a
@@ -211,16 +211,21 @@ def cost_without_worst(problem: FaultProblem, count: int) -> float:
     Args:
         problem: a problem without faults.
         count: number of sensors that are left out, one after the other.
+
+    Returns:
+        F without the worst 0, 1, … ``count`` sensors.
     """
     linear, recorded = problem.linear, problem.objective.recorded
     block = problem.objective.forward_model.sensors
     removed, seen = torch.zeros(recorded.shape, dtype=torch.bool), problem.objective.noise.available
+    costs = [linear.cost]
     misfit = linear.misfit
     for _ in range(count):
         by_column = misfit.reshape(recorded.shape).square().sum(dim=0)
         removed[:, block.columns_of(int(by_column.argmax()))] = True
+        costs.append(linear.cost_without(removed.flatten()) + float((removed & seen).sum()))
         misfit = linear.misfit_without(removed.flatten())
-    return linear.cost_without(removed.flatten()) + float((removed & seen).sum())
+    return costs
 
 
 def without_samples(objective: LeastSquaresProblem, fault: Fault) -> LeastSquaresProblem:

@@ -32,7 +32,7 @@ from dashred.inference.sensor_faults.error_curve import follows_state
 from dashred.inference.sensor_faults.fault_search import (
     FaultProblem,
     FaultSet,
-    cost_without_worst,
+    costs_without_worst,
     find_faults,
 )
 from dashred.inference.sensor_faults.fault_table import SEARCHED_KINDS
@@ -243,8 +243,8 @@ def test_faults_that_cannot_explain_a_misfit_are_not_searched(
     null = fitted(oscillator.problem(oscillator.recorded(seed=3, damping=0.1)))
     law = fitted(oscillator.problem(oscillator.recorded(seed=3, damping=0.1), terms=1))
     problem = FaultProblem.at(null.objective, null.phi, null.normal)
-    assert cost_without_worst(problem, 0) == pytest.approx(problem.linear.cost)
-    least = cost_without_worst(problem, 2)
+    assert costs_without_worst(problem, 0)[0] == pytest.approx(problem.linear.cost)
+    least = costs_without_worst(problem, 2)[2]
     assert law.law.score + 100 < least < problem.linear.cost + 2 * len(TIMES)
     monkeypatch.setattr(fault_fits, "find_faults", None)
     assert fit_sensor_hypotheses(null, law.law.score + 6) == []
@@ -255,4 +255,17 @@ def test_the_cost_without_a_faulty_sensor_is_the_noise(oscillator: Oscillator) -
     recorded[:, 1] += WANDER
     null = fitted(oscillator.problem(recorded))
     problem = FaultProblem.at(null.objective, null.phi, null.normal)
-    assert cost_without_worst(problem, 1) / recorded.numel() == pytest.approx(1.0, abs=0.15)
+    assert costs_without_worst(problem, 1)[1] / recorded.numel() == pytest.approx(1.0, abs=0.15)
+
+
+def test_one_fault_is_tried_where_several_explain_no_more(
+    oscillator: Oscillator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One sensor carries most of the misfit, and a missing force the rest."""
+    recorded = oscillator.recorded(seed=3, damping=0.1)
+    law = fitted(oscillator.problem(recorded, terms=1))
+    recorded[:, 1] += 20 * WANDER
+    null = fitted(oscillator.problem(recorded))
+    monkeypatch.setattr(fault_fits, "find_faults", None)
+    found = fit_sensor_hypotheses(null, law.law.score + 6)
+    assert {fault.sensor for each in found for fault in each.faults} == {1}

@@ -19,7 +19,7 @@ from dashred.inference.sensor_faults.fault import Fault
 from dashred.inference.sensor_faults.fault_search import (
     FaultProblem,
     FaultSet,
-    cost_without_worst,
+    costs_without_worst,
     find_faults,
     largest_count,
     without_samples,
@@ -73,30 +73,34 @@ def fit_sensor_hypotheses(fit: HypothesisFit, bound: float) -> list[HypothesisFi
     [cost], _ = objective.values(phi[None])
     penalty = fit.law.score - float(cost)
     problem = FaultProblem.at(objective, phi, fit.normal)
-    least = cost_without_worst(problem, largest_count(objective))
-    if least > max(bound - penalty, MAX_MISFIT_SHARE * float(cost)):
-        return []
-    predicted = _predict(problem)
+    bound, dragged = bound - penalty, MAX_MISFIT_SHARE * float(cost)
+    predicted = _predict(problem, bound, dragged)
     if not predicted:
         return []
     limit = predicted[0].score + max(REJECTION_MARGIN, MARGIN_SHARE * predicted[0].cost)
     chosen = [
         found
         for rank, found in enumerate(predicted[:MAX_FITS])
-        if found.score < min(limit, bound - penalty)
-        or (not rank and found.cost < MAX_MISFIT_SHARE * float(cost))
+        if found.score < min(limit, bound) or (not rank and found.cost < dragged)
     ]
     fits = sorted((fit_faults(objective, found, phi) for found in chosen), key=_score)
-    fits[:MAX_REFITS] = [
-        _refit_if_poor(each, fit.law.chi2, bound - penalty) for each in fits[:MAX_REFITS]
-    ]
-    fits += _search_again(objective, fits)
+    fits[:MAX_REFITS] = [_refit_if_poor(each, fit.law.chi2, bound) for each in fits[:MAX_REFITS]]
+    fits += _search_again(objective, fits, bound, dragged)
     return [_hypothesis(each, penalty) for each in fits]
 
 
-def _predict(problem: FaultProblem) -> list[FaultSet]:
-    """Return the faults of single sensors, and the best faults of several, the best first."""
-    sensors, count = range(problem.objective.recorded.shape[1]), largest_count(problem.objective)
+def _predict(problem: FaultProblem, bound: float, dragged: float) -> list[FaultSet]:
+    """Return the faults of single sensors, and the best faults of several, the best first.
+
+    Args:
+        problem: a problem without faults.
+        bound: score that faults have to fall below.
+        dragged: misfit below which a fit may have been dragged by the faulty sensors.
+    """
+    count = _useful_count(problem, bound, dragged)
+    if not count:
+        return []
+    sensors = range(problem.objective.recorded.shape[1])
     found = [each.faults for each in problem.add_each(sensors, SEARCHED_KINDS)]
     if found and count > 1 and found[0].score < problem.faults.score:
         several = find_faults(problem, sensors, SEARCHED_KINDS, count)
@@ -104,15 +108,30 @@ def _predict(problem: FaultProblem) -> list[FaultSet]:
     return sorted(found, key=lambda each: each.score)
 
 
-def _search_again(objective: LeastSquaresProblem, fits: list[FittedFaults]) -> list[FittedFaults]:
+def _useful_count(problem: FaultProblem, bound: float, dragged: float) -> int:
+    """Return how many faults may be needed; 0 if no number of them is enough.
+
+    If no faults reach the bound, the fewest that may have dragged the fit are searched. Where a law
+    is missing from a chaotic system, any number of faults lowers the misfit, and none explains it.
+    """
+    most = largest_count(problem.objective)
+    costs = costs_without_worst(problem, most)
+    if costs[most] <= bound:
+        return most
+    return next((count for count in range(1, most + 1) if costs[count] <= dragged), 0)
+
+
+def _search_again(
+    objective: LeastSquaresProblem, fits: list[FittedFaults], bound: float, dragged: float
+) -> list[FittedFaults]:
     """Search faults about the trajectory of the best fit with faults, until they are the same."""
     tried, further = {each.found.key for each in fits}, list[FittedFaults]()
     for _ in range(ROUNDS if fits else 0):
         best = min([*fits, *further], key=_score)
         phi = best.fitted.phi[: objective.modes + len(objective.prior_std)]
         problem = FaultProblem.at(objective, phi, objective.linearise(phi))
-        found = _predict(problem)[0]
-        if found.key in tried or found.score >= best.score:
+        found = next(iter(_predict(problem, bound, dragged)), None)
+        if found is None or found.key in tried or found.score >= best.score:
             break
         tried.add(found.key)
         further.append(fit_faults(objective, found, phi))
