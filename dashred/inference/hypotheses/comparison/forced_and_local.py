@@ -23,6 +23,7 @@ from dashred.inference.hypotheses.comparison.local_source import (
 from dashred.inference.hypotheses.comparison.residual_forcing import (
     MAX_SIMPLE_TERMS,
     ResidualForcing,
+    may_imitate,
 )
 from dashred.inference.hypotheses.extended.periodic_forcing import fit_periodic_laws
 from dashred.inference.hypotheses.free_forcing import fit_free_forcing
@@ -107,7 +108,7 @@ def _is_sufficient(leader: HypothesisFit) -> bool:
 def _may_be_local(law: Law) -> bool:
     """Tell whether a single term in a window, or one beyond the library, may rival a law."""
     is_local = law.source is not None or law.window is not None
-    return is_local or len(law.candidates) >= MAX_SIMPLE_TERMS
+    return is_local or len(law.candidates) == MAX_SIMPLE_TERMS or may_imitate(law)
 
 
 def _fit_periodic(

@@ -114,7 +114,7 @@ def fit_residual_forcing(
     """
     forcing, gain = fit_free_forcing(best.objective, best.phi, tendency_rms)
     report(0.2, f"a free forcing gains {gain:.0f}")
-    is_unclear = gain > MIN_FORCING_GAIN or has_rivals or _may_imitate(best.law)
+    is_unclear = gain > MIN_FORCING_GAIN or has_rivals or may_imitate(best.law)
     alone = forcing if best is null else None
     residual = ResidualForcing(
         full_problem, best, null, (forcing,), gain, is_unclear, forcing_alone=alone
@@ -206,7 +206,7 @@ def _choose_forcings(
     return (forcing_on_best,), forcing_map
 
 
-def _may_imitate(law: Law) -> bool:
+def may_imitate(law: Law) -> bool:
     """Tell whether a law has many terms, not all certain, so that it may imitate another law.
 
     The terms of a source are the parts of its course.

@@ -85,17 +85,18 @@ def fit_sensor_hypotheses(fit: HypothesisFit, bound: float) -> list[HypothesisFi
     ]
     fits = sorted((fit_faults(objective, found, phi) for found in chosen), key=_score)
     fits[:MAX_REFITS] = [_refit_if_poor(each, fit.law.chi2, bound) for each in fits[:MAX_REFITS]]
-    fits += _search_again(objective, fits, bound, dragged)
+    fits += _search_again(objective, fits, bound)
     return [_hypothesis(each, penalty) for each in fits]
 
 
-def _predict(problem: FaultProblem, bound: float, dragged: float) -> list[FaultSet]:
+def _predict(problem: FaultProblem, bound: float, dragged: float = 0.0) -> list[FaultSet]:
     """Return the faults of single sensors, and the best faults of several, the best first.
 
     Args:
         problem: a problem without faults.
         bound: score that faults have to fall below.
-        dragged: misfit below which a fit may have been dragged by the faulty sensors.
+        dragged: misfit below which a fit may have been dragged by the faulty sensors; by default
+            it has not been.
     """
     count = _useful_count(problem, bound, dragged)
     if not count:
@@ -122,7 +123,7 @@ def _useful_count(problem: FaultProblem, bound: float, dragged: float) -> int:
 
 
 def _search_again(
-    objective: LeastSquaresProblem, fits: list[FittedFaults], bound: float, dragged: float
+    objective: LeastSquaresProblem, fits: list[FittedFaults], bound: float
 ) -> list[FittedFaults]:
     """Search faults about the trajectory of the best fit with faults, until they are the same."""
     tried, further = {each.found.key for each in fits}, list[FittedFaults]()
@@ -130,7 +131,7 @@ def _search_again(
         best = min([*fits, *further], key=_score)
         phi = best.fitted.phi[: objective.modes + len(objective.prior_std)]
         problem = FaultProblem.at(objective, phi, objective.linearise(phi))
-        found = next(iter(_predict(problem, bound, dragged)), None)
+        found = next(iter(_predict(problem, bound)), None)
         if found is None or found.key in tried or found.score >= best.score:
             break
         tried.add(found.key)
