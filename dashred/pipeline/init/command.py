@@ -115,6 +115,10 @@ def main(argv: list[str]) -> int:
         raise InputError(what, where=str(output), hint=hint) from None
     if guessed.left_out:
         print(f"left out: {', '.join(guessed.left_out)} (constant, or a count of the rows)")
+    if guessed.of_episodes:
+        listed = ",".join(guessed.of_episodes)
+        print(f"left out: {', '.join(guessed.of_episodes)} (one value in each episode). If an")
+        print(f"equation needs them, they are inputs: inputs={listed}")
     if guessed.empty:
         print(f"left out: {', '.join(guessed.empty)} (no values in the part that is used)")
     if SENSOR in layout.headers:

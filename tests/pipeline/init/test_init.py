@@ -167,6 +167,23 @@ def test_inputs_counters_and_constants_are_no_fields(tmp_path: Path) -> None:
         written(tmp_path, f"path={path}", "inputs=Heater")
 
 
+def test_a_constant_of_each_episode_may_be_an_input(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [
+        f"{name},{dose},7,{0.1 * i:.1f},{dose * math.exp(-0.1 * i):.4f}"
+        for name, dose in (("a", 2), ("b", 3))
+        for i in range(30)
+    ]
+    path = tmp_path / "subjects.csv"
+    path.write_text("\n".join(["episode,Dose,room,time,u", *rows, ""]))
+    written(tmp_path, f"path={path}")
+    said = capsys.readouterr().out
+    assert "left out: room (constant" in said
+    assert "left out: Dose (one value in each episode)" in said
+    assert "inputs=Dose" in said
+
+
 def test_columns_are_left_out_by_their_name_in_the_file(tmp_path: Path) -> None:
     rows = [f"{0.1 * i:.1f},{math.sin(0.1 * i):.3f},{i**0.5:.3f},{i % 7}" for i in range(100)]
     path = tmp_path / "more.csv"

@@ -156,3 +156,11 @@ def test_a_date_that_stays_is_no_time(write: Write) -> None:
 def test_the_day_is_what_changes_at_midnight(write: Write, ode: Any, form: str) -> None:
     found = times(write, ode, column("time", stamps(form, "2024-06-01 22:00")))
     np.testing.assert_allclose(found, QUARTERS)
+
+
+def test_times_that_a_logger_rounds_are_found_by_their_unit(write: Write) -> None:
+    table = read_table(write("r.csv", "T (degC),Tiempo (s)\n20,0.1\n21,0.1\n22,0.2\n23,0.3\n"))
+    assert likely_times(table) == "Tiempo"
+    # Two columns in a unit of time say nothing; numbers that always increase do.
+    table = read_table(write("s.csv", "n,rise (s),fall (s)\n1,0,0\n2,0,0\n3,1,1\n"))
+    assert likely_times(table) == "n"
