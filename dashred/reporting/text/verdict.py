@@ -12,6 +12,8 @@ from dashred.reporting.text.improvement import (
     contradictions,
     improvements,
     is_confirmed,
+    is_unsupported,
+    names_nearest_law,
     resolution_warning,
 )
 from dashred.reporting.text.regions import bounds
@@ -168,6 +170,9 @@ def law(findings: Mapping[str, Any]) -> list[str]:
     rivals = any(other["rival"] for other in findings["alternatives"] or [])
     undecided = findings["verdict"] == "ambiguous" or rivals
     guess = "As the best guess, " if undecided and terms else ""
+    if names_nearest_law(findings):
+        how = ", which no held-out data support," if is_unsupported(findings) else ","
+        guess = f"In the nearest law{how} "
     if not is_confirmed(findings):
         guess = f"{SUGGESTED}: "
     added = [term for term in terms if term["equation"] is not None]
