@@ -86,10 +86,18 @@ def meaning(findings: Mapping[str, Any]) -> str:
 
 def causes(findings: Mapping[str, Any]) -> list[str]:
     """Return the texts of the reported causes."""
-    told = [cause["says"] for cause in _reported(findings) if "says" in cause]
+    told = [_says(findings, cause) for cause in _reported(findings) if "says" in cause]
     if told and not is_confirmed(findings) and not findings["terms"]:
         told[0] = f"{SUGGESTED}: {told[0]}"
     return [sentence(text) for text in told]
+
+
+def _says(findings: Mapping[str, Any], cause: Mapping[str, Any]) -> str:
+    """Return the text of a cause; a fault beside the nearest law is as uncertain as the law."""
+    splits = findings["input"]["splits"] or {"validate": (), "test": ()}
+    is_tested = cause.get("sensor") in (*splits["validate"], *splits["test"])
+    beside = cause["kind"] == "sensor-fault" and names_nearest_law(findings) and not is_tested
+    return f"in the nearest law, {cause['says']}" if beside else str(cause["says"])
 
 
 def _reported(findings: Mapping[str, Any]) -> list[Mapping[str, Any]]:

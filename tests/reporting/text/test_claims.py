@@ -135,6 +135,13 @@ def test_the_nearest_law_is_called_so_and_whether_held_out_data_support_it() -> 
     told["fit"]["heldout_time"]["corrected"] = 0.39
     assert "In the nearest law, which no held-out data support, the sim" in text_of(told)
     assert "which no held-out data support" in headline(told)
+    # A fault that is fitted beside it is as uncertain; one of a sensor that no fit has used is not.
+    fault = {"kind": "sensor-fault", "probability": 0.9, "says": "sensor a reads too high"}
+    outside["causes"] += [fault | {"sensor": "a"}]
+    assert "  In the nearest law, sensor a reads too high." in verdict_lines(found(**outside))
+    told = found(**outside)
+    told["input"] = SOURCE | {"splits": {"validate": [], "test": ["a"]}}
+    assert "  Sensor a reads too high." in verdict_lines(told)
     # A law of the extended library is not only the nearest one.
     outside["causes"] = [{"kind": "outside-library", "probability": 0.9, "terms": ["u: sin(u)"]}]
     assert "nearest" not in text_of(found(BETTER, **outside))
