@@ -17,6 +17,7 @@ from dashred.reporting.text.improvement import (
     resolution_warning,
 )
 from dashred.reporting.text.regions import bounds
+from dashred.reporting.text.shared_parameters import shared_parameters
 from dashred.reporting.text.sources import source_text
 
 VERDICTS = {
@@ -70,6 +71,7 @@ def verdict_lines(findings: Mapping[str, Any]) -> list[str]:
         *consequences(findings),
         *improvements(findings),
         *assimilation_gains(findings),
+        *shared_parameters(findings),
         *([f"{LIMITS}:"] if unknown else []),
         *(f"- {text}" for text in unknown),
     ]
