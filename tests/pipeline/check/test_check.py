@@ -206,6 +206,9 @@ recording: {path: wave.csv, sensors: sensors.csv}
     np.savetxt(tmp_path / "wave.csv", waves, delimiter=",", header=names, comments="")
     found = said(capsys, f"conf={conf}", code=2)
     assert "x The simulation is not resolved" in found and "a run would find no law" in found
+    assert "decrease system.integrator.dt, or increase the points of the axes" in found
+    chosen = said(capsys, f"conf={conf}", "system.integrator.dt=null", code=2)
+    assert "smooth; increase the points of the axes" in chosen
 
 
 def test_a_simulation_that_blows_up_is_a_warning(

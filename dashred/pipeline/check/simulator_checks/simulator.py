@@ -258,9 +258,13 @@ def _resolution_remark(
     text = f"The simulation is not resolved: {change}, more than {limit:g}"
     why = "a run would find no law, because this error would look like missing physics"
     if system.axes:
-        remedy = "decrease system.integrator.dt"
-        if system.program is None:
-            remedy += ", or increase the points of the axes"
+        remedies = ["decrease system.integrator.dt", "increase the points of the axes"]
+        if system.program is not None:
+            remedies = remedies[:1]
+        elif context.config.system.integrator.dt is None:
+            # A step that was chosen is short enough.
+            remedies = remedies[1:]
+        remedy = ", or ".join(remedies)
         # Then a run may go on from smooth states along the readings.
         unless = "unless the simulator lacks what keeps its fields smooth"
         return Remark(text, "error", f"{why}, {unless}; {remedy}")
