@@ -15,6 +15,7 @@ from dashred.core.errors import InputError, nearest
 from dashred.core.stated.column_names import SENSOR, VALUE
 from dashred.core.stated.record_part import WHOLE, RecordPart
 from dashred.core.units import TIME
+from dashred.data.checks import MIN_SAMPLES
 from dashred.data.clocks.record_part import EmptySensorsError
 from dashred.data.io.reader import read_episodes
 from dashred.data.io.stated_units import StatedUnits
@@ -222,10 +223,11 @@ def _changes_in_steps(values: NDArray[np.float64]) -> bool:
 
 
 def _counts_rows(values: NDArray[np.float64]) -> bool:
-    """Return whether a column counts the rows: 1, 2, 3."""
+    """Return whether a column counts the rows: 1, 2, 3, or the days of a year: 182, 183, 184."""
     if len(values) < 2 or not np.isfinite(values).all():
         return False
-    return bool((np.diff(values) == 1).all()) and values[0] in (0, 1)
+    is_count = bool((np.diff(values) == 1).all()) and float(values[0]).is_integer()
+    return is_count and (values[0] in (0, 1) or len(values) >= MIN_SAMPLES)
 
 
 def _system_from_columns(table: Columns, others: Sequence[str]) -> GuessedSystem:

@@ -154,10 +154,11 @@ def test_a_table_without_names_gets_some(tmp_path: Path) -> None:
 
 def test_inputs_counters_and_constants_are_no_fields(tmp_path: Path) -> None:
     rows = [
-        f"{i + 1},{0.1 * i:.1f},{math.sin(0.1 * i):.3f},{i // 20},{i % 7},3" for i in range(100)
+        f"{i + 1},{0.1 * i:.1f},{math.sin(0.1 * i):.3f},{i // 20},{i % 7},3,{i + 182}"
+        for i in range(100)
     ]
     path = tmp_path / "driven.csv"
-    path.write_text("\n".join(["rownames,time,u,Heater 1 (%),q,Dose", *rows, ""]))
+    path.write_text("\n".join(["rownames,time,u,Heater 1 (%),q,Dose,day", *rows, ""]))
     config, _ = written(tmp_path, f"path={path}", "inputs=Heater 1 (%),q")
     assert list(config.system.fields) == ["u"]
     assert config.system.inputs["Heater_1"].hold
