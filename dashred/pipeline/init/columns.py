@@ -85,7 +85,7 @@ class GuessedSystem:
     Attributes:
         axes: axes that contain the positions of the sensors; empty for an ODE.
         fields: names of the fields that the sensors read.
-        lets: names of the lets, always empty.
+        lets: columns that are functions of the state.
         inputs: column of each input, by name: that of the column.
         held_inputs: columns of inputs that change in steps.
         left_out: columns of numbers that are no fields: a counter of the rows, a constant.

@@ -45,6 +45,21 @@ def test_columns_of_an_ode_are_its_fields_and_one_is_the_other_s_rate(tmp_path: 
     assert text.count("TO DO:") == 1
 
 
+def test_an_acceleration_is_a_let(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [
+        (t, 2 * t + t * t - 0.1 * t**3, 2 + 2 * t - 0.3 * t * t, 2 - 0.6 * t)
+        for t in (0.02 * i for i in range(100))
+    ]
+    lines = [",".join(f"{value:.5f}" for value in row) for row in rows]
+    (tmp_path / "cart.csv").write_text("\n".join(["time,x,v,a", *lines, ""]))
+    config, text = written(tmp_path, f"path={tmp_path / 'cart.csv'}")
+    assert list(config.system.fields) == ["x", "v"] and config.system.let == {"a": "0"}
+    assert config.system.equations == {"x": "v", "v": "a"}
+    assert list(config.system.start) == list(config.system.spread) == ["x", "v"]
+    assert text.count("TO DO:") == 1 and "for example -k*v" in text
+    assert "a: the rate of a rate is a let" in capsys.readouterr().out
+
+
 def test_a_kilohertz_recording_of_a_slow_swing_is_thinned(tmp_path: Path) -> None:
     """A sixteenth of the period, 0.0625, in round numbers."""
     config, _ = written(tmp_path, f"path={swing_csv(tmp_path)}")

@@ -25,7 +25,7 @@ def test_it_is_told_where_no_law_explains_the_episodes(verdict: str) -> None:
 
 
 def test_it_is_not_told_where_it_does_not_apply() -> None:
-    given = {"parameters": {"k": 1.0}}
+    given: dict[str, Any] = {"parameters": {"k": 1.0}}
     assert shared_parameters(found("missing-term", **given)) == []
     assert shared_parameters(found("outside-library", episodes=1, **given)) == []
     assert shared_parameters(found("outside-library", parameters={})) == []
