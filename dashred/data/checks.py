@@ -140,7 +140,13 @@ def check_covered(times: NDArray[np.float64], input_times: NDArray[np.float64], 
         f"the inputs cover {input_times[0]:.6g} to {input_times[-1]:.6g}, but the samples run from "
         f"{times[0]:.6g} to {times[-1]:.6g}"
     )
-    hint = "remove the samples for which the inputs are not known"
+    bounds = []
+    if input_times[0] > times[0] + tolerance:
+        bounds.append(f"begin={input_times[0]:.9g}")
+    if input_times[-1] < times[-1] - tolerance:
+        bounds.append(f"end={input_times[-1]:.9g}")
+    named = " ".join(f"recording.{bound}" for bound in bounds)
+    hint = f"leave out the samples without them: {named}, or {' '.join(bounds)} for dashred init"
     raise InputError(problem, where=where, hint=hint)
 
 

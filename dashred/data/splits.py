@@ -263,5 +263,6 @@ def _note(
         for value in (splits.sensors.validate, splits.sensors.test)
     )
     fewer = len(validate) + len(test) < wanted
-    why = f" With so few sensors, not all {wanted} are held out." if fewer else ""
+    asked = f"fewer are held out than the {wanted} of splits.sensors"
+    why = f" With so few sensors, {asked}." if fewer else ""
     return f"{sensors}, {validated}, {len(test)} are test sensors; {held}.{why}"

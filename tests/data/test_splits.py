@@ -117,7 +117,7 @@ def test_four_sensors_at_least_are_fitted(make_recording, sensors, validate, tes
     split = split_recording(make_recording(sensors), wanted(), seed=1)
     assert (len(split.validate), len(split.test)) == (validate, test)
     assert len(split.fit.names) == sensors - validate - test >= 4
-    assert ("not all 5 are held out" in split.note) == (validate + test < 5)
+    assert ("fewer are held out than the 5 of" in split.note) == (validate + test < 5)
 
 
 def test_few_sensors_are_held_out_when_named(make_recording):

@@ -98,7 +98,12 @@ def resample_all(episodes: Episodes, every: float | None) -> tuple[Episodes, str
         with name_episode_in_errors(part.name):
             recording, note = resample(part.recording, every, fewest)
         sampled.append(Episode(part.name, recording))
-        notes.append(f"{part.name}: {note}" if part.name else note)
+        notes.append(note)
+    if len(set(notes)) == 1:
+        # Of several episodes that are alike, one is described.
+        notes = [f"each episode: {notes[0]}" if len(parts) > 1 else notes[0]]
+    else:
+        notes = [f"{part.name}: {note}" for part, note in zip(parts, notes, strict=True)]
     return Episodes(tuple(sampled)), " ".join(notes)
 
 

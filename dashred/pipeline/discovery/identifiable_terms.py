@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+import torch
+
+from dashred.physics.expressions.algebra import names
 from dashred.physics.runs.program_definitions import program_definitions
-from dashred.physics.terms.library import check_collinear, uninformative_terms
+from dashred.physics.system import Term
+from dashred.physics.terms.library import calls, check_collinear, resolve, uninformative_terms
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.state_samples import StateSamples
+
+# Functions that differ from a power only where their argument changes its sign.
+KINKS = frozenset({"abs", "sign"})
 
 
 def keep_identifiable_terms(problem: Problem, samples: StateSamples) -> Problem:
@@ -15,7 +24,8 @@ def keep_identifiable_terms(problem: Problem, samples: StateSamples) -> Problem:
 
     Of two proportional terms of the default library the later one is removed, such as ``abs(u)``
     for a field that is never negative. Terms that vanish, such as ``exp(-u**2)`` for a pressure in
-    pascals, or that are not finite are removed too. In a library that the user lists, such terms
+    pascals, or that are not finite are removed too; so are those of :func:`alike_on_readings`. In a
+    library that the user lists, such terms
     are errors. Terms that were added to a library are removed like default terms.
 
     Args:
@@ -32,6 +42,9 @@ def keep_identifiable_terms(problem: Problem, samples: StateSamples) -> Problem:
         listed = [term for term in library if term not in problem.extensions]
         check_collinear(samples.system, listed, *arguments)
     left_out = uninformative_terms(samples.system, library, *arguments)
+    if problem.config.library is None:
+        kept = [term for term in library if term not in left_out]
+        left_out |= alike_on_readings(problem, kept)
     if problem.config.library is None and problem.system.program is not None:
         # The library of a program has terms in every equation at first.
         defined = program_definitions(samples.system, *arguments)
@@ -46,3 +59,39 @@ def keep_identifiable_terms(problem: Problem, samples: StateSamples) -> Problem:
     identifiable = [term for term in library if term not in left_out]
     extensions = tuple(term for term in problem.extensions if term not in left_out)
     return replace(problem.with_library(identifiable), left_out=left_out, extensions=extensions)
+
+
+def alike_on_readings(problem: Problem, library: Sequence[Term]) -> dict[Term, str | Term]:
+    """Return terms with an abs or a sign that are multiples of others on the readings.
+
+    A simulator that lacks a force may reach negative heights: there ``sign(h)`` differs from 1. If
+    no reading is negative, the recording does not tell one from the other. Terms of fields that no
+    sensor reads itself are not compared, nor are those of fields in space.
+
+    Args:
+        problem: with the readings.
+        library: the terms.
+
+    Returns:
+        The terms, each with the earlier term of which it is a multiple.
+    """
+    system = problem.system
+    columns: dict[str, int] = {}
+    for column, sensor in enumerate(problem.split.fit.sensors):
+        if sensor.reads in system.fields:
+            columns.setdefault(sensor.reads, column)
+    if system.axes or system.config.nodes is not None or not columns:
+        return {}
+    read = np.concatenate([episode.split.fit.values for episode in problem.episodes])
+    read = read[np.isfinite(read[:, [*columns.values()]]).all(axis=1)]
+    states = torch.zeros(len(read), len(system.fields), dtype=torch.float64)
+    for name, column in columns.items():
+        states[:, list(system.fields).index(name)] = torch.from_numpy(read[:, column])
+    ready = zip(library, resolve(system, library), strict=True)
+    known = [term for term, own in ready if names(own.expression) <= columns.keys()]
+    found = uninformative_terms(system, known, states, 0.0) if len(read) else {}
+    return {
+        term: other
+        for term, other in found.items()
+        if isinstance(other, Term) and any(calls(term.expression, KINKS))
+    }

@@ -15,6 +15,7 @@ from dashred.core.errors import InputError, nearest
 from dashred.core.stated.column_names import SENSOR, VALUE
 from dashred.core.stated.record_part import WHOLE, RecordPart
 from dashred.core.units import TIME
+from dashred.data.checks import MIN_SAMPLES
 from dashred.data.clocks.record_part import EmptySensorsError
 from dashred.data.io.reader import read_episodes
 from dashred.data.io.stated_units import StatedUnits
@@ -84,10 +85,11 @@ class GuessedSystem:
     Attributes:
         axes: axes that contain the positions of the sensors; empty for an ODE.
         fields: names of the fields that the sensors read.
-        lets: names of the lets, always empty.
+        lets: columns that are functions of the state.
         inputs: column of each input, by name: that of the column.
         held_inputs: columns of inputs that change in steps.
         left_out: columns of numbers that are no fields: a counter of the rows, a constant.
+        of_episodes: columns that are no fields, with one value in each of several episodes.
         empty: columns that are left out, because they are empty in the part that is used.
         units: a unit of time for dates.
         texts: columns that are left out, but may name the sensor of each row.
@@ -99,6 +101,7 @@ class GuessedSystem:
     inputs: dict[str, str] = field(default_factory=dict)
     held_inputs: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
+    of_episodes: tuple[str, ...] = ()
     empty: tuple[str, ...] = ()
     units: dict[str, str] = field(default_factory=dict)
     texts: tuple[str, ...] = ()
@@ -220,20 +223,23 @@ def _changes_in_steps(values: NDArray[np.float64]) -> bool:
 
 
 def _counts_rows(values: NDArray[np.float64]) -> bool:
-    """Return whether a column counts the rows: 1, 2, 3."""
+    """Return whether a column counts the rows: 1, 2, 3, or the days of a year: 182, 183, 184."""
     if len(values) < 2 or not np.isfinite(values).all():
         return False
-    return bool((np.diff(values) == 1).all()) and values[0] in (0, 1)
+    is_count = bool((np.diff(values) == 1).all()) and float(values[0]).is_integer()
+    return is_count and (values[0] in (0, 1) or len(values) >= MIN_SAMPLES)
 
 
 def _system_from_columns(table: Columns, others: Sequence[str]) -> GuessedSystem:
     """Return an ODE system of all columns of numbers besides some ``others``."""
     columns = [column for column in table.columns if column not in (*RESERVED, *others)]
     numbers = [column for column in columns if has_numbers(table, column)]
-    left_out = tuple(column for column in numbers if _is_no_field(table, column))
+    no_fields = [column for column in numbers if _is_no_field(table, column)]
     # A recording of a state at rest is one all the same.
-    left_out = left_out if len(left_out) < len(numbers) else ()
-    fields = tuple(column for column in numbers if column not in left_out)
+    no_fields = no_fields if len(no_fields) < len(numbers) else []
+    fields = tuple(column for column in numbers if column not in no_fields)
+    of_episodes = tuple(column for column in no_fields if _differs(table.numbers(column)))
+    left_out = tuple(column for column in no_fields if column not in of_episodes)
     if not fields:
         hint = None
         labelled = (cell for name in columns for cell in table.texts(name)[:1] if LABEL.match(cell))
@@ -246,7 +252,12 @@ def _system_from_columns(table: Columns, others: Sequence[str]) -> GuessedSystem
         hint = "if they are sensors of a field in space, give their positions: sensors=TABLE.csv"
         raise InputError(what, where=table.header_location(fields[0]), hint=f"{hint} (see --help)")
     _check_names(fields, "column", table.path)
-    return GuessedSystem((), fields, left_out=left_out)
+    return GuessedSystem((), fields, left_out=left_out, of_episodes=of_episodes)
+
+
+def _differs(values: NDArray[np.float64]) -> bool:
+    """Return whether a column that is no field differs between the episodes."""
+    return not _counts_rows(values) and len(np.unique(values)) > 1
 
 
 def _is_no_field(table: Columns, column: str) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dashred.core.command_line.argument_types import NUMBER, list_reader, read_path
@@ -94,13 +94,18 @@ def main(argv: list[str]) -> int:
     from dashred.pipeline.init.columns import MANY_FIELDS, read_recording
     from dashred.pipeline.init.document import document
     from dashred.pipeline.init.guess import guess_values, longest_episode
+    from dashred.pipeline.init.relations import accelerations
 
     ignored = words.ignore or ()
     guessed, episodes, layout = read_recording(path, table, words.inputs or (), part, ignored)
+    values = guess_values(guessed, episodes)
+    lets = accelerations(values.rates)
+    fields = tuple(field for field in guessed.fields if field not in lets)
+    guessed = replace(guessed, fields=fields, lets=lets)
     text = document(
         guessed,
         longest_episode(episodes),
-        guess_values(guessed, episodes),
+        values,
         _relative_path(output, path),
         None if table is None else _relative_path(output, table),
         layout,
@@ -115,6 +120,10 @@ def main(argv: list[str]) -> int:
         raise InputError(what, where=str(output), hint=hint) from None
     if guessed.left_out:
         print(f"left out: {', '.join(guessed.left_out)} (constant, or a count of the rows)")
+    if guessed.of_episodes:
+        listed = ",".join(guessed.of_episodes)
+        print(f"left out: {', '.join(guessed.of_episodes)} (one value in each episode). If an")
+        print(f"equation needs them, they are inputs: inputs={listed}")
     if guessed.empty:
         print(f"left out: {', '.join(guessed.empty)} (no values in the part that is used)")
     if SENSOR in layout.headers:
@@ -124,6 +133,8 @@ def main(argv: list[str]) -> int:
     if guessed.texts:
         print(f"left out: {', '.join(guessed.texts)} (text). If one names the sensor of each row:")
         print("recording.columns={sensor: NAME, value: COLUMN}, see docs/own-system.md")
+    if lets:
+        print(f"{', '.join(lets)}: the rate of a rate is a let, and not a field")
     left = text.count(f"# {TO_DO}:")
     print(f"{output}: fields {', '.join(guessed.fields)}; {left} to do")
     if not guessed.axes and len(guessed.fields) > MANY_FIELDS:

@@ -42,16 +42,18 @@ def document(
     """
     # With a shorter step most values would be missing.
     uneven = guess.every is not None and guess.every == coarser_step(recording)
+    named = (*guessed.fields, *guessed.lets)
     return render(
         TEMPLATE,
         axes=guessed.axes,
         fields=guessed.fields,
+        lets=guessed.lets,
         inputs=guessed.inputs,
         held=guessed.held_inputs,
         functions=list(FUNCTIONS),
         units=recording.units,
         guess=guess,
-        examples={field: _example(field, guessed, guess) for field in guessed.fields},
+        examples={name: _example(name, guessed, guess) for name in named},
         native_step=native_step(recording.times),
         uneven=uneven,
         path=path,

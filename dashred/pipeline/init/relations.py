@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,6 +49,14 @@ def find_rates(recording: Recording) -> dict[str, Rate]:
         if rate.field not in best and rate.rate not in {taken.rate for taken in best.values()}:
             best[rate.field] = rate
     return best
+
+
+def accelerations(rates: Mapping[str, Rate]) -> tuple[str, ...]:
+    """Return the columns that are the rate of a rate: functions of the state, and no fields."""
+    found = {rate.rate for rate in rates.values()}
+    return tuple(
+        rates[name].rate for name in rates if name in found and rates[name].rate not in rates
+    )
 
 
 def _rate(recording: Recording, field: str, other: str) -> Rate | None:

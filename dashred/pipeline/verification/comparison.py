@@ -41,7 +41,7 @@ def compare_held_out(predictions: HeldOutPredictions) -> list[Comparison]:
     """Compare the corrected simulator with the simulator from its own best start.
 
     Sensors with a fault are corrected for both, so that only the law and the start are compared.
-    Data at which the corrected run of a chaotic system is lost from the beginning are left out.
+    Data at which the runs of a chaotic system are lost within a few samples are left out.
     """
     found = []
     for data, parts in predictions.items():
@@ -50,7 +50,7 @@ def compare_held_out(predictions: HeldOutPredictions) -> list[Comparison]:
             for part in parts
             if {BEFORE, AFTER} <= part.read.keys() and not part.is_lost
         ]
-        compared = [part for part in map(_predictable, both) if np.isfinite(part.recorded).any()]
+        compared = [part for part in map(_predictable, both) if _is_comparable(part)]
         if compared:
             found.append(_compare(data, both, compared))
     return found
@@ -176,6 +176,12 @@ def _error_of_mean(differences: Sequence[Array]) -> float | None:
     degrees_of_freedom = 2 * len(changes) ** 2 / (3 * len(changes) - 1)
     quantile = float(student.ppf((1 + LEVEL) / 2, degrees_of_freedom))
     return quantile * math.sqrt(variance / blocks)
+
+
+def _is_comparable(part: Predictions) -> bool:
+    """Return whether there are readings, and enough of them if the runs are lost after these."""
+    is_long = part.is_predictable or len(part.times) >= MIN_SAMPLES
+    return is_long and bool(np.isfinite(part.recorded).any())
 
 
 def _predictable(part: Predictions) -> Predictions:

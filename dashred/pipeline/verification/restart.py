@@ -24,6 +24,8 @@ from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.physics.system import System
 from dashred.pipeline.discovery.least_squares import noise_of_sound_sensors
 from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation.reading_range import distance_from_readings
+from dashred.pipeline.simulation.state_samples import FARTHEST
 from dashred.pipeline.trajectories import UNPREDICTABLE_GROWTH
 
 # Samples to which a state is fitted: two seconds of a pendulum at 20 Hz.
@@ -110,7 +112,9 @@ def _analog(problem: Problem, path: Tensor, values: Tensor, noise: NoiseModel) -
         values: readings from the state on, ``(time, sensor)``.
         noise: noise of these readings.
     """
-    finite = path[path.isfinite().all(dim=1)]
+    # The std of a run that has left the range of the recording says nothing about its states.
+    near = distance_from_readings(problem, path) < FARTHEST
+    finite = path[near if int(near.sum()) >= FEWEST_FITTED else path.isfinite().all(dim=1)]
     readings = problem.operator(problem.split.fit)(finite)
     length = min(len(values), len(readings))
     residuals = readings.unfold(0, length, 1).movedim(-1, 1) - values[:length]

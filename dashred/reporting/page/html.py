@@ -70,7 +70,7 @@ def page(
         location=verdict.location(findings["where"], units) if terms else [],
         consequences=verdict.consequences(findings),
         terms=sections.terms_table(terms, system.get("let", {})),
-        probabilities=sections.cause_probabilities(findings["causes"] or []),
+        probabilities=sections.cause_probabilities(findings),
         other_laws=verdict.other_laws(findings),
         alternatives=sections.alternatives_table(findings["alternatives"] or []),
         errors=sections.errors_table(fit),

@@ -9,7 +9,7 @@ from dashred.core.findings.methods import AT_SENSORS, method_label
 from dashred.core.formatting import number, percent, pretty, rounded
 from dashred.core.units import format_unit
 from dashred.reporting.page.views import Table
-from dashred.reporting.text.improvement import resolution_warning
+from dashred.reporting.text.improvement import names_nearest_law, resolution_warning
 from dashred.reporting.text.verdict import alternative_text, sentence
 
 HELD_OUT = {
@@ -83,18 +83,22 @@ def alternatives_table(others: Sequence[Mapping[str, Any]]) -> Table:
     return Table(heads, rows, numbers={1})
 
 
-def cause_probabilities(causes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the probability of each kind of cause, and whether several may be true."""
+def cause_probabilities(findings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the probability of each kind of cause, and whether several may be true.
+
+    If no fitted law explains the recording, the laws are only compared with each other.
+    """
     known: dict[str, float] = {}
-    for cause in causes:
+    for cause in findings["causes"] or []:
         if cause["kind"] in CAUSES and cause["probability"] is not None:
             known.setdefault(cause["kind"], cause["probability"])
-    none = [f"none of these {percent(NONE_OF_THESE)}"] if known else []
+    is_nearest = names_nearest_law(findings)
+    none = [f"none of these {percent(NONE_OF_THESE)}"] if known and not is_nearest else []
     listed = [f"{CAUSES[kind]} {percent(p)}" for kind, p in known.items() if p >= MIN_PROBABILITY]
     if len(listed) < len(known):
         listed.append("others less than 1 %")
     several = sum(known.values()) > 1 - NONE_OF_THESE + MIN_PROBABILITY
-    return {"causes": [*listed, *none], "several": several}
+    return {"causes": [*listed, *none], "several": several, "of_nearest": is_nearest}
 
 
 def errors_table(fit: Mapping[str, Any]) -> Table:

@@ -14,6 +14,7 @@ from dashred.reporting.text.improvement import (
     has_only_parameters,
     is_confirmed,
     is_lost,
+    is_unsupported,
 )
 from dashred.reporting.text.parameters import short_parameter_text
 from dashred.reporting.text.sources import short_source_text
@@ -121,7 +122,9 @@ def _conclusion(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
         case "outside-library" if missing and "terms" in (findings["causes"] or [{}])[0]:
             return f"the simulation leaves out {missing}, in a form that is not in its library"
         case "outside-library":
-            refuted = "" if is_confirmed(findings) else ", which the held-out data contradict"
+            refuted = ", which no held-out data support" if is_unsupported(findings) else ""
+            if not is_confirmed(findings):
+                refuted = ", which the held-out data contradict"
             best = f"; the nearest law is {missing}{refuted}" if missing else ""
             return f"the simulation lacks an effect that no term of the library expresses{best}"
         case "unconfirmed" if not terms:

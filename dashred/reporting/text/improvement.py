@@ -10,6 +10,8 @@ from dashred.core.units import NO_UNITS, TIME, with_unit
 
 # A run whose error, in standard deviations of the readings, is larger than this has diverged.
 HUGE = 1e4
+# A ratio of errors nearer to 1 than this counts as no difference.
+SAME = 0.95
 # Verdicts for a simulator that is given as snapshots: no law was fitted through it.
 UNTESTED = ("mismatch", "no-mismatch-seen")
 # Verdicts whose correction is a start or a sensor.
@@ -93,6 +95,24 @@ def is_confirmed(findings: Mapping[str, Any]) -> bool:
     worse = any(each["worse"] for each in findings["fit"].get("comparisons", ()))
     has_nearest = findings["verdict"] == "outside-library" and bool(findings["terms"])
     return bool(findings["verdict"] != "unconfirmed") and not (has_nearest and worse)
+
+
+def names_nearest_law(findings: Mapping[str, Any]) -> bool:
+    """Return whether the stated law is only the nearest one to what is missing."""
+    leading: Mapping[str, Any] = (findings["causes"] or [{}])[0]
+    is_outside = findings["verdict"] == "outside-library" and "terms" not in leading
+    return is_outside and bool(findings["terms"])
+
+
+def is_unsupported(findings: Mapping[str, Any]) -> bool:
+    """Return whether there are held-out data, and the correction improves the error on none."""
+    fit, changes = findings["fit"], []
+    for key in HELD_OUT:
+        if "corrected" in (fit.get(key) or {}) and not is_lost(fit, key):
+            before, after = error_before(findings, key), fit[key]["corrected"]
+            left, told = (HUGE if error is None else min(error, HUGE) for error in (before, after))
+            changes.append(told < SAME * left)
+    return bool(changes) and not any(changes)
 
 
 def contradictions(findings: Mapping[str, Any]) -> list[str]:
@@ -203,7 +223,7 @@ def _factor(before: float | None, after: float | None) -> str:
     if after <= 0 or before <= 0:
         return "the factor is undefined"
     ratio = before / after
-    if 0.95 < ratio < 1.05:
+    if SAME < ratio < 1 / SAME:
         return "no difference"
     size = number(float(f"{max(ratio, 1 / ratio):.2g}"))
     return f"{size} times {'smaller' if ratio > 1 else 'larger'}"

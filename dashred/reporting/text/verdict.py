@@ -12,9 +12,12 @@ from dashred.reporting.text.improvement import (
     contradictions,
     improvements,
     is_confirmed,
+    is_unsupported,
+    names_nearest_law,
     resolution_warning,
 )
 from dashred.reporting.text.regions import bounds
+from dashred.reporting.text.shared_parameters import shared_parameters
 from dashred.reporting.text.sources import source_text
 
 VERDICTS = {
@@ -68,6 +71,7 @@ def verdict_lines(findings: Mapping[str, Any]) -> list[str]:
         *consequences(findings),
         *improvements(findings),
         *assimilation_gains(findings),
+        *shared_parameters(findings),
         *([f"{LIMITS}:"] if unknown else []),
         *(f"- {text}" for text in unknown),
     ]
@@ -84,10 +88,18 @@ def meaning(findings: Mapping[str, Any]) -> str:
 
 def causes(findings: Mapping[str, Any]) -> list[str]:
     """Return the texts of the reported causes."""
-    told = [cause["says"] for cause in _reported(findings) if "says" in cause]
+    told = [_says(findings, cause) for cause in _reported(findings) if "says" in cause]
     if told and not is_confirmed(findings) and not findings["terms"]:
         told[0] = f"{SUGGESTED}: {told[0]}"
     return [sentence(text) for text in told]
+
+
+def _says(findings: Mapping[str, Any], cause: Mapping[str, Any]) -> str:
+    """Return the text of a cause; a fault beside the nearest law is as uncertain as the law."""
+    splits = findings["input"]["splits"] or {"validate": (), "test": ()}
+    is_tested = cause.get("sensor") in (*splits["validate"], *splits["test"])
+    beside = cause["kind"] == "sensor-fault" and names_nearest_law(findings) and not is_tested
+    return f"in the nearest law, {cause['says']}" if beside else str(cause["says"])
 
 
 def _reported(findings: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -168,6 +180,9 @@ def law(findings: Mapping[str, Any]) -> list[str]:
     rivals = any(other["rival"] for other in findings["alternatives"] or [])
     undecided = findings["verdict"] == "ambiguous" or rivals
     guess = "As the best guess, " if undecided and terms else ""
+    if names_nearest_law(findings):
+        how = ", which no held-out data support," if is_unsupported(findings) else ","
+        guess = f"In the nearest law{how} "
     if not is_confirmed(findings):
         guess = f"{SUGGESTED}: "
     added = [term for term in terms if term["equation"] is not None]

@@ -58,6 +58,25 @@ def test_empty_cells_and_nan_are_missing(ode, write):
     assert values[[2, 4], 1].tolist() == [1e-3, 2.0]
 
 
+@pytest.mark.parametrize("word", ["NA", "N/A", "null", "None", "-"])
+def test_a_word_for_a_missing_value_is_one_among_numbers(ode, write, word):
+    lines = rows()
+    lines[1], lines[4] = f"0,{word},1", f"0.3,3,{word} "
+    values = read_recording(write("r.csv", text(lines)), None, ode).values
+    assert np.argwhere(np.isnan(values)).tolist() == [[0, 0], [3, 1]]
+
+
+def test_such_a_word_is_a_name_among_texts(ode, write):
+    """Sodium, and an error in a column of numbers with another text."""
+    table = read_table(write("t.csv", "sensor,value\nNA,1\nK,null\nNA,2\n"))
+    assert table.texts("sensor") == ["NA", "K", "NA"]
+    assert table.texts("value") == ["1", "", "2"]
+    lines = rows()
+    lines[1], lines[2] = "0,NA,1", "0.1,off,1"
+    with pytest.raises(InputError, match="'off' is not a number"):
+        read_recording(write("r.csv", text(lines)), None, ode)
+
+
 @pytest.mark.parametrize("ending", ["\r\n", "\r"])
 def test_other_line_endings_a_byte_order_mark_and_blank_lines_do_not_matter(ode, write, ending):
     lines = rows()

@@ -119,3 +119,30 @@ def test_the_samples_are_those_of_all_episodes_with_their_inputs(tmp_path: Path)
     assert (found.times.diff() > 0).all()
     signal = found.system.input_signals.at(found.times.numpy())["s"]
     assert signal.tolist() == [1.0] * 40 + [-1.0] * 40
+
+
+def parachute(tmp_path: Path, lowest: float) -> Problem:
+    """A parachute that sinks to some height, beside a simulator that falls below the ground."""
+    (tmp_path / "fall.yaml").write_text("""
+system:
+  title: a parachute
+  fields: {h: height, v: velocity}
+  equations: {h: v, v: -1}
+  start: {h: 10, v: -1}
+  spread: {h: 0.1, v: 0.1}
+  integrator: {dt: 0.1}
+recording: {path: fall.csv}
+""")
+    rows = [f"{0.1 * i:.1f},{10 - (10 - lowest) * i / 39:.4f}" for i in range(40)]
+    (tmp_path / "fall.csv").write_text("\n".join(["time,h", *rows]) + "\n")
+    return build_problem(load_config([f"conf={tmp_path / 'fall.yaml'}"], entry="train"))
+
+
+@pytest.mark.parametrize("lowest", [1.0, -5.0])
+def test_a_sign_that_no_reading_changes_is_left_out(tmp_path: Path, lowest: float) -> None:
+    problem = parachute(tmp_path, lowest)
+    found = samples(problem)
+    assert found.states[:, 0].min() < 0
+    library = {str(term) for term in keep_identifiable_terms(problem, found).library}
+    assert {"1", "h", "h**2", "v"} <= library
+    assert ("sign(h)" in library) == ("h*abs(h)" in library) == (lowest < 0)

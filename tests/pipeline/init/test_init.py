@@ -45,6 +45,21 @@ def test_columns_of_an_ode_are_its_fields_and_one_is_the_other_s_rate(tmp_path: 
     assert text.count("TO DO:") == 1
 
 
+def test_an_acceleration_is_a_let(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [
+        (t, 2 * t + t * t - 0.1 * t**3, 2 + 2 * t - 0.3 * t * t, 2 - 0.6 * t)
+        for t in (0.02 * i for i in range(100))
+    ]
+    lines = [",".join(f"{value:.5f}" for value in row) for row in rows]
+    (tmp_path / "cart.csv").write_text("\n".join(["time,x,v,a", *lines, ""]))
+    config, text = written(tmp_path, f"path={tmp_path / 'cart.csv'}")
+    assert list(config.system.fields) == ["x", "v"] and config.system.let == {"a": "0"}
+    assert config.system.equations == {"x": "v", "v": "a"}
+    assert list(config.system.start) == list(config.system.spread) == ["x", "v"]
+    assert text.count("TO DO:") == 1 and "for example -k*v" in text
+    assert "a: the rate of a rate is a let" in capsys.readouterr().out
+
+
 def test_a_kilohertz_recording_of_a_slow_swing_is_thinned(tmp_path: Path) -> None:
     """A sixteenth of the period, 0.0625, in round numbers."""
     config, _ = written(tmp_path, f"path={swing_csv(tmp_path)}")
@@ -154,10 +169,11 @@ def test_a_table_without_names_gets_some(tmp_path: Path) -> None:
 
 def test_inputs_counters_and_constants_are_no_fields(tmp_path: Path) -> None:
     rows = [
-        f"{i + 1},{0.1 * i:.1f},{math.sin(0.1 * i):.3f},{i // 20},{i % 7},3" for i in range(100)
+        f"{i + 1},{0.1 * i:.1f},{math.sin(0.1 * i):.3f},{i // 20},{i % 7},3,{i + 182}"
+        for i in range(100)
     ]
     path = tmp_path / "driven.csv"
-    path.write_text("\n".join(["rownames,time,u,Heater 1 (%),q,Dose", *rows, ""]))
+    path.write_text("\n".join(["rownames,time,u,Heater 1 (%),q,Dose,day", *rows, ""]))
     config, _ = written(tmp_path, f"path={path}", "inputs=Heater 1 (%),q")
     assert list(config.system.fields) == ["u"]
     assert config.system.inputs["Heater_1"].hold
@@ -165,6 +181,23 @@ def test_inputs_counters_and_constants_are_no_fields(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").unlink()
     with pytest.raises(InputError, match="no column 'Heater'"):
         written(tmp_path, f"path={path}", "inputs=Heater")
+
+
+def test_a_constant_of_each_episode_may_be_an_input(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [
+        f"{name},{dose},7,{0.1 * i:.1f},{dose * math.exp(-0.1 * i):.4f}"
+        for name, dose in (("a", 2), ("b", 3))
+        for i in range(30)
+    ]
+    path = tmp_path / "subjects.csv"
+    path.write_text("\n".join(["episode,Dose,room,time,u", *rows, ""]))
+    written(tmp_path, f"path={path}")
+    said = capsys.readouterr().out
+    assert "left out: room (constant" in said
+    assert "left out: Dose (one value in each episode)" in said
+    assert "inputs=Dose" in said
 
 
 def test_columns_are_left_out_by_their_name_in_the_file(tmp_path: Path) -> None:

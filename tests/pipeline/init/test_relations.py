@@ -7,7 +7,7 @@ import pytest
 
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
-from dashred.pipeline.init.relations import find_rates
+from dashred.pipeline.init.relations import accelerations, find_rates
 
 
 def recording(noise: float, step: float, **columns: np.ndarray) -> Recording:
@@ -29,3 +29,13 @@ def test_a_sine_s_rate_is_found_and_nothing_else(noise: float) -> None:
 def test_twice_the_rate_is_not_the_rate() -> None:
     t = 0.02 * np.arange(2000)
     assert not find_rates(recording(0.0, 0.02, y=np.sin(t), v=2 * np.cos(t)))
+
+
+def test_the_rate_of_a_rate_is_an_acceleration() -> None:
+    t = 0.02 * np.arange(2000)
+    moved = {"x": np.sin(t) + 0.1 * t**2, "v": np.cos(t) + 0.2 * t, "a": 0.2 - np.sin(t)}
+    assert accelerations(find_rates(recording(0.0, 0.02, **moved))) == ("a",)
+    assert accelerations(find_rates(recording(0.0, 0.02, y=np.sin(t), v=np.cos(t)))) == ()
+    # Of a sine, the acceleration is minus the place, and no column of its own.
+    swing = {"x": np.sin(t), "v": np.cos(t), "minus": -np.sin(t)}
+    assert accelerations(find_rates(recording(0.0, 0.02, **swing))) == ("minus",)

@@ -94,6 +94,9 @@ def test_a_chaotic_system_is_compared_until_both_runs_are_lost() -> None:
     # If both are lost before the held-out time begins, there is nothing to compare.
     late = predictions(before + 2, after + 2, is_predictable=False)
     assert compare_held_out({"heldout_time": [late]}) == []
+    # So it is if the first sample alone is left.
+    first = predictions(before + 2, np.where(TIMES > 0, 2.0, 0.1), is_predictable=False)
+    assert compare_held_out({"heldout_time": [first]}) == []
 
 
 def test_a_run_that_is_lost_from_the_beginning_is_not_compared() -> None:

@@ -135,3 +135,15 @@ def test_without_the_law_fitted_parameters_have_their_values(tmp_path: Path) -> 
     [(_, expected)] = restart(own, found, NOTHING, states[:fit])
     torch.testing.assert_close(runs["simulation_refit"], expected["simulation_refit"])
     assert float((runs["simulation_refit"] - plain["simulation_refit"]).abs().max()) > 0.1
+
+
+def test_a_run_that_blows_up_does_not_spoil_the_other(tmp_path: Path) -> None:
+    problem, states = make_problem(tmp_path)
+    fit = len(problem.split.fit.times)
+    blown_up = states[:fit].clone()
+    blown_up[-20:] *= 10.0 ** torch.arange(20, dtype=torch.float64)[:, None] * 1e150
+    found = law(problem.system, states[0])
+    [(_, bounded)] = restart(problem, found, NOTHING, states[:fit])
+    [(_, runs)] = restart(problem, found, NOTHING, blown_up)
+    for name, run in bounded.items():
+        assert float((runs[name] - run).abs().max()) < SIGMA

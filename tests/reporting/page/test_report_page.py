@@ -376,6 +376,19 @@ def test_causes_are_told_with_their_probabilities(tmp_path: Path) -> None:
     assert any(told in line for line in page.words)
 
 
+def test_causes_of_the_nearest_law_are_only_compared_with_each_other(tmp_path: Path) -> None:
+    causes = [
+        {"kind": "outside-library", "probability": None, "gain": 9.0},
+        {"kind": "parameter", "probability": 0.93},
+    ]
+    told = found(verdict="outside-library", causes=causes)
+    write_html(tmp_path / "report.html", told, {}, "")
+    words = " ".join(Page((tmp_path / "report.html").read_text(encoding="utf-8")).words)
+    assert "No fitted law explains the recording." in words
+    assert "compared with each other: a wrong parameter 93 %" in " ".join(words.split())
+    assert "none of these" not in words
+
+
 @pytest.mark.parametrize(
     ("share", "told"),
     [(0.01, "are no larger than"), (0.75, "are 2 times as large")],

@@ -124,6 +124,29 @@ def test_the_nearest_law_of_an_effect_outside_of_the_library_may_be_refuted() ->
     assert "suggested" not in alone.lower() and "only these sensors" not in alone
 
 
+def test_the_nearest_law_is_called_so_and_whether_held_out_data_support_it() -> None:
+    outside: Any = {
+        "verdict": "outside-library",
+        "causes": [{"kind": "outside-library", "gain": 9}],
+    }
+    told = found(BETTER, **outside)
+    assert "In the nearest law, the simulation leaves out" in text_of(told)
+    assert "support" not in headline(told)
+    told["fit"]["heldout_time"]["corrected"] = 0.39
+    assert "In the nearest law, which no held-out data support, the sim" in text_of(told)
+    assert "which no held-out data support" in headline(told)
+    # A fault that is fitted beside it is as uncertain; one of a sensor that no fit has used is not.
+    fault = {"kind": "sensor-fault", "probability": 0.9, "says": "sensor a reads too high"}
+    outside["causes"] += [fault | {"sensor": "a"}]
+    assert "  In the nearest law, sensor a reads too high." in verdict_lines(found(**outside))
+    told = found(**outside)
+    told["input"] = SOURCE | {"splits": {"validate": [], "test": ["a"]}}
+    assert "  Sensor a reads too high." in verdict_lines(told)
+    # A law of the extended library is not only the nearest one.
+    outside["causes"] = [{"kind": "outside-library", "probability": 0.9, "terms": ["u: sin(u)"]}]
+    assert "nearest" not in text_of(found(BETTER, **outside))
+
+
 def test_unconfirmed_faults_are_told_with_the_misfits_at_the_test_sensors() -> None:
     says = "the readings of sensor s08 wander"
     cause = {"kind": "sensor-fault", "probability": 0.98, "says": says}

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
+from dashred.data.io.tables.missing_values import MISSING, blank_missing
 from dashred.data.io.tables.table_dialect import (
     COMMA,
     DATE,
@@ -88,7 +89,8 @@ class Table:
         if _is_plain("".join(cells)):
             with contextlib.suppress(ValueError):
                 return np.array([float(cell or "nan") for cell in cells], dtype=np.float64)
-        row = next(row for row, cell in enumerate(cells) if not is_number(cell))
+        wrong = [row for row, cell in enumerate(cells) if not is_number(cell)]
+        row = next((row for row in wrong if cells[row].lower() not in MISSING), wrong[0])
         hint = "write numbers as 1.5e-3; leave the cell empty where a value is missing"
         if DATE.match(cells[row]):
             hint = SECONDS_AS_NUMBERS
@@ -161,7 +163,7 @@ def table_of(
     lines: array[int],
     header: int,
 ) -> Table:
-    """Return a table of cells, with a point in its decimals.
+    """Return a table of cells, with a point in its decimals and empty cells for missing values.
 
     Args:
         path: of the file.
@@ -180,6 +182,7 @@ def table_of(
         remove_thousands_separators(rows)
     else:
         write_decimals_with_a_point(rows, lines, path)
+    blank_missing(rows)
     return Table(path, columns, rows, lines, units, header)
 
 

@@ -20,9 +20,12 @@ LONG_STEP = 10.0
 ISO_FORMAT, CLOCK_FORMAT = "ISO8601", "clock"
 CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?")
 ISO = re.compile(r"\d{4}([-/.])\d{1,2}\1\d{1,2}")
+MONTH = "(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*"
 LOCAL = re.compile(
-    r"\d{1,2}(?P<mark>[./-])\d{1,2}(?P=mark)(?P<year>\d{4}|\d{2})"
-    r"( \d{1,2}:\d{2}(?P<seconds>:\d{2}(?P<fraction>[.]\d+)?)?(?P<half> [AaPp][Mm])?)?"
+    rf"\d{{1,2}}(?P<mark>[./-]|[ -](?={MONTH}))(?:\d{{1,2}}|(?P<month>{MONTH}))(?P=mark)"
+    r"(?P<year>\d{4}|\d{2})"
+    r"( \d{1,2}:\d{2}(?P<seconds>:\d{2}(?P<fraction>[.]\d+)?)?(?P<half> [AaPp][Mm])?)?",
+    re.IGNORECASE,
 )
 # The offset of a time zone after a time of day.
 OFFSET = re.compile(r":\d{2}[\d.,:]*\s*(Z|[+-]\d{2}:?\d{2})$")
@@ -151,8 +154,11 @@ def _local_formats(first: str) -> list[str]:
         clock += ".%f" if match["fraction"] else ""
         clock += " %p" if match["half"] else ""
     mark = match["mark"]
-    orders = ("%d", "%m"), ("%m", "%d")
+    orders = [("%d", "%m"), ("%m", "%d")]
     likely = orders[:1] if mark == "." else orders
+    if match["month"]:
+        # May is the name of the month and its abbreviation.
+        likely = [("%d", "%b"), ("%d", "%B")]
     return [mark.join((*order, year)) + clock for order in likely]
 
 

@@ -124,8 +124,11 @@ def named_times(table: Columns) -> list[str]:
 def likely_times(table: Columns) -> str | None:
     """Return the first column of dates, or else of increasing numbers, if there is one.
 
-    A count of the rows increases, too.
+    A count of the rows increases, too. A column in a unit of time comes first, and may repeat a
+    value: a logger may round its times.
     """
+    if (rounded := _never_decreasing(table)) is not None:
+        return rounded
     increasing = None
     for column in table.columns:
         cells = [cell for cell in table.texts(column) if cell]
@@ -136,6 +139,18 @@ def likely_times(table: Columns) -> str | None:
         if increasing is None and are_times:
             increasing = column
     return increasing
+
+
+def _never_decreasing(table: Columns) -> str | None:
+    """Return the only column in a unit of time whose values never decrease, if there is one."""
+    found = []
+    for column in table.columns:
+        cells = table.texts(column)
+        if table.units.get(column, "").lower() in SECONDS and all(map(is_number, cells)):
+            numbers = [float(cell) for cell in cells if cell]
+            if len(set(numbers)) > 1 and all(a <= b for a, b in pairwise(numbers)):
+                found.append(column)
+    return found[0] if len(found) == 1 else None
 
 
 def date_and_clock(table: Columns) -> tuple[str, str] | None:

@@ -28,6 +28,7 @@ from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.placeholders import zero_equations
 from dashred.pipeline.check.remark import Remark, shortened, warning
 from dashred.pipeline.check.simulator_checks.nodes import node_remarks
+from dashred.pipeline.discovery.identifiable_terms import alike_on_readings
 from dashred.pipeline.simulation.resolution_check import SensorTraces
 
 # Time budgets of the nominal run and of the run at doubled resolution, in seconds.
@@ -164,16 +165,26 @@ def _library_remarks(context: CheckContext, nominal: NominalRun) -> Iterator[Rem
         if context.config.library is not None:
             check_collinear(*arguments)
         else:
-            yield from _excluded_terms(uninformative_terms(*arguments))
+            excluded = uninformative_terms(*arguments)
+            if context.problem is not None:
+                others = [term for term in context.library if term not in excluded]
+                excluded |= alike_on_readings(context.problem, others)
+            yield from _excluded_terms(excluded)
             yield from _large_offset_remarks(context, nominal)
     except InputError as error:
         yield Remark(f"{error.what}: their coefficients cannot be determined", "error", error.hint)
 
 
 def _large_offset_remarks(context: CheckContext, nominal: NominalRun) -> Iterator[Remark]:
-    """Warn of fields that vary too little about their mean for nonlinear terms."""
-    fields = nominal.states.unbind(1)
-    for name, values in zip(context.system.fields, fields, strict=True):
+    """Warn of fields that vary too little about their mean for nonlinear terms.
+
+    The readings of a field tell, if a sensor reads it: the simulator may lack what makes it vary.
+    """
+    fit, fields = context.split.fit, nominal.states.unbind(1)
+    for name, simulated in zip(context.system.fields, fields, strict=True):
+        own = [column for column, sensor in enumerate(fit.sensors) if sensor.reads == name]
+        read = torch.from_numpy(fit.values[:, own if context.recording is not None else []])
+        values = read[read.isfinite()] if read.numel() else simulated
         mean, std = float(values.mean()), float(values.std())
         if abs(mean) > MAX_OFFSET * std > 0:
             yield warning(
@@ -247,9 +258,13 @@ def _resolution_remark(
     text = f"The simulation is not resolved: {change}, more than {limit:g}"
     why = "a run would find no law, because this error would look like missing physics"
     if system.axes:
-        remedy = "decrease system.integrator.dt"
-        if system.program is None:
-            remedy += ", or increase the points of the axes"
+        remedies = ["decrease system.integrator.dt", "increase the points of the axes"]
+        if system.program is not None:
+            remedies = remedies[:1]
+        elif context.config.system.integrator.dt is None:
+            # A step that was chosen is short enough.
+            remedies = remedies[1:]
+        remedy = ", or ".join(remedies)
         # Then a run may go on from smooth states along the readings.
         unless = "unless the simulator lacks what keeps its fields smooth"
         return Remark(text, "error", f"{why}, {unless}; {remedy}")

@@ -120,6 +120,7 @@ def _with_definitions(
         return None
     equations = closed | {term.equation for term in problem.library}
     wider = _with_terms_in(problem, nominal, [f for f in system.fields if f in equations])
+    wider = _without_rescaling(wider)
     again = search_library(wider, nominal)
     if again is None:
         return None
@@ -221,6 +222,22 @@ def _without_measured_definitions(problem: Problem, nominal: NominalRun) -> Prob
     if not kept or definitions.isdisjoint(term.equation for term in problem.library):
         return None
     return _with_terms_in(problem, nominal, kept)
+
+
+def _without_rescaling(problem: Problem) -> Problem:
+    """Return the problem without the term y in ``x' = c y``, where no sensor reads y.
+
+    It only measures y in another unit. The prior of y's start may favour one that fits it.
+    """
+    system, fields = problem.system, problem.system.fields
+    measured = {sensor.reads for sensor in problem.split.fit.sensors} & set(fields)
+    kept = [
+        term
+        for term in problem.library
+        if not _defines_hidden(system.resolved[term.equation], fields, measured)
+        or algebra.split_coefficient(system.resolved[term.equation])[1] != term.expression
+    ]
+    return problem.with_library(kept)
 
 
 def _defines_hidden(

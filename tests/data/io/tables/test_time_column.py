@@ -15,6 +15,7 @@ from dashred.data.io.in_memory import read_in_memory
 from dashred.data.io.reader import read_recording
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.io.tables.csv_table import read_table
+from dashred.data.io.tables.dates import is_date
 from dashred.data.io.tables.table_layout import TableLayout
 from dashred.data.io.tables.time_column import find_time_column, likely_times, read_times
 
@@ -59,6 +60,7 @@ FORMATS = [
     *("%Y-%m-%d %H:%M:%S", "%Y-%m-%dT%H:%M:%SZ", "%Y-%m-%d %H:%M", "%Y/%m/%d %H:%M:%S.%f"),
     *("%d.%m.%Y %H:%M", "%d.%m.%y %H:%M:%S", "%d/%m/%Y %H:%M", "%m/%d/%Y %I:%M %p"),
     *("%m/%d/%Y %I:%M:%S %p", "%d-%m-%Y %H:%M:%S", "%H:%M:%S", "%H:%M"),
+    *("%d-%b-%y %H:%M", "%d %B %Y %H:%M:%S"),
 ]
 
 
@@ -67,6 +69,13 @@ def test_dates_are_seconds_since_the_first_row(write: Write, ode: Any, form: str
     """From the last day of a month into the next one, past midnight."""
     found = times(write, ode, column("Timestamp", stamps(form)))
     np.testing.assert_allclose(found, QUARTERS)
+
+
+def test_a_month_may_have_its_name(write: Write, ode: Any) -> None:
+    """As spreadsheets write it, in an order that is certain."""
+    found = times(write, ode, column("date", ["31-May-17", "1-Jun-17", "2-Jun-17"]))
+    np.testing.assert_array_equal(found, 86400.0 * np.arange(3))
+    assert not is_date("3 big 20") and not is_date("1-Jul")
 
 
 def test_dates_have_the_digits_of_their_fractions(write: Write, ode: Any) -> None:
@@ -156,3 +165,11 @@ def test_a_date_that_stays_is_no_time(write: Write) -> None:
 def test_the_day_is_what_changes_at_midnight(write: Write, ode: Any, form: str) -> None:
     found = times(write, ode, column("time", stamps(form, "2024-06-01 22:00")))
     np.testing.assert_allclose(found, QUARTERS)
+
+
+def test_times_that_a_logger_rounds_are_found_by_their_unit(write: Write) -> None:
+    table = read_table(write("r.csv", "T (degC),Tiempo (s)\n20,0.1\n21,0.1\n22,0.2\n23,0.3\n"))
+    assert likely_times(table) == "Tiempo"
+    # Two columns in a unit of time say nothing; numbers that always increase do.
+    table = read_table(write("s.csv", "n,rise (s),fall (s)\n1,0,0\n2,0,0\n3,1,1\n"))
+    assert likely_times(table) == "n"

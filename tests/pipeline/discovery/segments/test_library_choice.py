@@ -108,6 +108,22 @@ system:
     assert found.terms(found.best)[1] == pytest.approx([1.0, -1.0], abs=0.03)
 
 
+def test_another_unit_of_an_unmeasured_rate_is_no_law(search: Search) -> None:
+    # All forces are four times as large. x' = 4 v says so in one term, but x' = v defines v.
+    text = """
+system:
+  title: a stiffening spring
+  fields: {x: position, v: velocity}
+  equations: {x: v, v: -x - 0.2*x**3}
+  start: {x: 1.0, v: 0.2}
+  spread: {x: 0.1, v: 0.5}
+  integrator: {method: rk4, dt: 0.02}
+"""
+    _, _, found = search(text, lambda x, v: -4 * x - 0.8 * x**3, columns="x")
+    assert names(found) == ["v: x", "v: x**3"]
+    assert found.terms(found.best)[1] == pytest.approx([-3.0, -0.6], abs=0.1)
+
+
 def test_one_trajectory_follows_the_law_of_the_segments(search: Search) -> None:
     problem, nominal, found = search(SPRING, lambda x, v: -4 * x - 0.05 * v - 0.3 * x**3)
     candidates = build_candidates(
