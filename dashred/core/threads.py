@@ -28,22 +28,30 @@ def is_given_up() -> bool:
     return _given_up.is_set()
 
 
-def in_threads(run: Callable[[int], None], count: int) -> Iterator[float]:
+def in_threads(
+    run: Callable[[int], None], count: int, at_once: int | None = None
+) -> Iterator[float]:
     """Run ``run(0), ..., run(count - 1)`` in threads; the tasks must be independent.
 
     The tasks must release the GIL to run in parallel.
 
+    Args:
+        run: runs a task.
+        count: number of tasks.
+        at_once: number of threads; by default that of the process.
+
     Yields:
         Fraction of finished tasks, after each task.
     """
-    if count == 1 or _threads == 1:
+    threads = _threads if at_once is None else at_once
+    if count == 1 or threads == 1:
         for j in range(count):
             run(j)
             yield (j + 1) / count
         return
     _given_up.clear()
     # Each thread of torch would otherwise start several more.
-    with ThreadPoolExecutor(_threads, initializer=torch.set_num_threads, initargs=(1,)) as pool:
+    with ThreadPoolExecutor(threads, initializer=torch.set_num_threads, initargs=(1,)) as pool:
         try:
             for done, _ in enumerate(pool.map(run, range(count)), start=1):
                 yield done / count

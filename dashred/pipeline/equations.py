@@ -25,6 +25,7 @@ from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.networks import assimilation, training
 from dashred.pipeline.outputs import report
 from dashred.pipeline.run import provenance
+from dashred.pipeline.run.analysis_cluster import analysis_cluster
 from dashred.pipeline.run.checkpoints import Checkpoints, Stages
 from dashred.pipeline.run.output_dir import clear_output, named_output
 from dashred.pipeline.run.parent_run import open_parent
@@ -148,6 +149,11 @@ def analyse_equations(config: Config) -> Path:
         InputError: the input is wrong; the output folder may have been created, but is empty.
     """
     provenance.prepare_torch(config)
+    with analysis_cluster(config):
+        return _analyse(config)
+
+
+def _analyse(config: Config) -> Path:
     # The first run of an installation compiles for many seconds. The budget begins after that, so
     # that the first run finds what later ones find.
     compile_integrators(config.system)

@@ -14,6 +14,7 @@ from dashred.config.checks.system_checks import check_system
 from dashred.config.schema.recording import Recording, SensorSplit
 from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where, required
+from dashred.core.cluster.word import EXAMPLES, read_cluster
 from dashred.core.errors import InputError, nearest
 from dashred.core.limits import Limit
 from dashred.core.stated.average import parse_average
@@ -48,9 +49,26 @@ def check(settings: Settings, where: Where) -> None:
             where=where("simulation.held_out"),
             hint=f"it must be less than simulation.members, {settings.simulation.members}",
         )
+    _check_cluster(settings, where)
     if not DEVICE.match(settings.device):
         raise InputError(
             f"unknown device {settings.device!r}", where=where("device"), hint="cpu, cuda or cuda:1"
+        )
+
+
+def _check_cluster(settings: Settings, where: Where) -> None:
+    if settings.cluster is None:
+        return
+    try:
+        read_cluster(settings.cluster)
+    except ValueError as error:
+        raise InputError(str(error), where=where("cluster"), hint=EXAMPLES) from None
+    simulator = settings.system.simulator
+    if simulator is None or simulator.command is None:
+        raise InputError(
+            "cluster runs the calls of system.simulator.command, and this system has none",
+            where=where("cluster"),
+            hint="leave it out: equations are computed in threads=",
         )
 
 

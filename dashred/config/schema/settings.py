@@ -211,6 +211,11 @@ class Settings:
     """Number of CPU threads for trajectories. torch uses one thread, because its arrays are small
     and more threads would wait for each other on a busy machine."""
 
+    cluster: str | None
+    """Dask workers that run the calls of ``system.simulator.command``: ``local`` (a process for
+    each core), a number of processes, the address of a scheduler (``tcp://HOST:PORT``), ``slurm:N``
+    or ``kubernetes:N``. Null calls it in threads of this machine."""
+
     device: str
     """Device for the networks, and for trajectories of spectral fields and their derivatives:
     ``cpu``, ``cuda`` or ``cuda:1``. All else is computed on the CPU."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -22,8 +22,12 @@ ANSWER_SECONDS, START_SECONDS = 10, 600
 
 
 @contextmanager
-def connect(cluster: Cluster) -> Iterator[Client]:
+def connect(cluster: Cluster, environment: Mapping[str, str] | None = None) -> Iterator[Client]:
     """Connect to a cluster for the length of a block; a cluster that was started here is ended.
+
+    Args:
+        cluster: what to connect to.
+        environment: variables of workers that are started on this machine, besides the inherited.
 
     Raises:
         InputError: Dask is not installed, nobody listens at the address, no worker starts, or a
@@ -47,7 +51,7 @@ def connect(cluster: Cluster) -> Iterator[Client]:
         with client:
             yield _checked(client, cluster)
     else:
-        with _start(cluster) as started, Client(started) as client:
+        with _start(cluster, environment or {}) as started, Client(started) as client:
             yield _checked(client, cluster)
 
 
@@ -58,7 +62,7 @@ def _silence() -> None:
             logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
-def _start(cluster: Cluster) -> StartedCluster:
+def _start(cluster: Cluster, environment: Mapping[str, str]) -> StartedCluster:
     """Start a cluster of this machine or of a batch system, as Dask's configuration says."""
     if cluster.kind == "local":
         from distributed import LocalCluster
@@ -68,6 +72,7 @@ def _start(cluster: Cluster) -> StartedCluster:
             n_workers=cluster.workers or os.cpu_count(),
             threads_per_worker=1,
             dashboard_address=":0",
+            env=dict(environment),
         )
     try:
         if cluster.kind == "slurm":
@@ -104,7 +109,7 @@ def _checked(client: Client, cluster: Cluster) -> Client:
             hint="start one with: dask worker ADDRESS",
         ) from None
     check_workers(client)
-    text = f"{task_count(client, cluster)} analyses at once; dashboard: {client.dashboard_link}"
+    text = f"{task_count(client, cluster)} tasks at once; dashboard: {client.dashboard_link}"
     CONSOLE.print(text, markup=False, soft_wrap=True)
     return client
 

@@ -45,19 +45,21 @@ class Adapter(Protocol):
         alone: ways to call it with one state, the first one that works is used.
         together: ways to call it with many states; those that do not give what single calls give
             are not used.
-        parallel: whether calls may run at the same time, in threads.
     """
 
     name: str
     place: str
     fields: tuple[str, ...]
-    parallel: bool
 
     @property
     def alone(self) -> tuple[Way, ...]: ...  # noqa: D102
 
     @property
     def together(self) -> tuple[Way, ...]: ...  # noqa: D102
+
+    @property
+    def at_once(self) -> int:
+        """Number of calls that may run at the same time, in threads."""
 
     def call(self, batch: StateBatch, way: Way, time: Unread | None = None) -> Array:
         """Call the program once and return the states, ``(batch, field, *grid)``.

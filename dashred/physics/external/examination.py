@@ -135,7 +135,7 @@ def _step(adapter: Adapter, batch: StateBatch, way: Way, many: bool) -> Array | 
     def run(row: int) -> None:
         results[row] = _tried(adapter, batch.take([row]), way)
 
-    for _ in in_threads(run, len(batch)) if adapter.parallel else map(run, range(len(batch))):
+    for _ in in_threads(run, len(batch), adapter.at_once):
         pass
     known = [result for result in results if result is not None]
     return np.concatenate(known) if len(known) == len(batch) else None

@@ -6,8 +6,9 @@ import re
 from collections.abc import Callable
 
 from dashred.physics.external.adapter import Adapter
-from dashred.physics.external.adapters.command.command import open_command
+from dashred.physics.external.adapters.command.command import CommandWords, open_command
 from dashred.physics.external.adapters.command.layout import Layout
+from dashred.physics.external.adapters.command.on_cluster import ClusterCommandAdapter
 from dashred.physics.external.adapters.fmu.description import Description, read_description
 from dashred.physics.external.adapters.fmu.fmu import FmuAdapter
 from dashred.physics.external.adapters.fmu.fmu_tangents import FmuTangents
@@ -76,7 +77,8 @@ def _adapter(
     if simulator.command is not None:
         coordinates = {name: (along, x.numpy()) for name, (along, x) in grid.labels.items()}
         layout = Layout(fields, grid.dimensions, coordinates, config.units)
-        return open_command(simulator.command, simulator.template, limit, layout, place)
+        words = CommandWords(tuple(simulator.command), simulator.template, limit, layout, place)
+        return ClusterCommandAdapter(words, open_command(words))
     if simulator.fmu is not None:
         return FmuAdapter(describe_fmu(config, place), fields, place)
     if simulator.function is not None:

@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
-from dashred.core.threads import in_threads, thread_count
+from dashred.core.threads import in_threads
 from dashred.physics.external.adapter import Adapter, Unread
 from dashred.physics.external.conduct import Conduct
 from dashred.physics.external.examination import examine
@@ -92,7 +92,7 @@ class SteppedProgram:
         """See :meth:`dashred.physics.external.protocol.Program.seconds_of`."""
         if self.conduct.many:
             return self.seconds
-        return self.seconds * -(-count // (thread_count() if self._adapter.parallel else 1))
+        return self.seconds * -(-count // self._adapter.at_once)
 
     def step(
         self,
@@ -169,23 +169,22 @@ class SteppedProgram:
         return result
 
     def _step_groups(self, batch: StateBatch, conduct: Conduct) -> Array:
-        groups = list(conduct.groups(batch))
-        if len(groups) == 1 and not self._adapter.parallel:
+        parts = min(self._adapter.at_once, len(batch))
+        groups = [
+            part
+            for group in conduct.groups(batch)
+            for part in np.array_split(group, parts)
+            if part.size
+        ]
+        if len(groups) == 1:
             return self._stepped(batch, conduct)
         result = np.empty_like(batch.states)
-        if self._adapter.parallel:
-            parts = min(thread_count(), len(batch))
-            groups = [part for g in groups for part in np.array_split(g, parts) if part.size]
 
         def run(j: int) -> None:
             result[groups[j]] = self._stepped(batch.take(groups[j]), conduct)
 
-        if self._adapter.parallel:
-            for _ in in_threads(run, len(groups)):
-                pass
-        else:
-            for j in range(len(groups)):
-                run(j)
+        for _ in in_threads(run, len(groups), self._adapter.at_once):
+            pass
         return result
 
     def _is_same_alone(self, batch: StateBatch, result: Array) -> bool:

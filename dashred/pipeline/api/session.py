@@ -11,6 +11,7 @@ import torch
 from threadpoolctl import threadpool_limits
 
 from dashred.config import Config
+from dashred.pipeline.run.analysis_cluster import analysis_cluster
 from dashred.pipeline.run.provenance import prepare_torch
 
 LIGHTNING = "lightning.pytorch"
@@ -21,7 +22,8 @@ def session(config: Config) -> Iterator[None]:
     """Apply the settings of a run: number of threads, determinism, random numbers and log level.
 
     Raises:
-        InputError: this machine does not have the configured device.
+        InputError: this machine does not have the configured device, or the configured cluster
+            does not answer.
     """
     # Imported here because the import takes seconds.
     from lightning.pytorch.utilities.seed import isolate_rng
@@ -32,7 +34,8 @@ def session(config: Config) -> Iterator[None]:
     with warnings.catch_warnings(), isolate_rng(), threadpool_limits(1):
         try:
             prepare_torch(config)
-            yield
+            with analysis_cluster(config):
+                yield
         finally:
             torch.set_num_threads(threads)
             torch.use_deterministic_algorithms(strict, warn_only=warn_only)

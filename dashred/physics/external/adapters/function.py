@@ -51,7 +51,7 @@ class FunctionAdapter:
 
     alone = (SINGLE, SAME_TIME, ANY_TIME)
     together = (ANY_TIME, SAME_TIME)
-    parallel = False
+    at_once = 1
 
     def __init__(
         self,

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from jinja2 import Template
 
 from dashred.core.errors import InputError
+from dashred.core.threads import thread_count
 from dashred.physics.external.adapter import ANY_TIME, SINGLE, Unread, Way
 from dashred.physics.external.adapters.command import netcdf_files, text_files
 from dashred.physics.external.adapters.command.layout import Layout
@@ -26,8 +28,6 @@ class CommandAdapter:
 
     With a template it steps one state per process, in text; else any number, in NetCDF.
     """
-
-    parallel = True
 
     def __init__(
         self,
@@ -64,6 +64,11 @@ class CommandAdapter:
         """See :class:`dashred.physics.external.adapter.Adapter`."""
         return (ANY_TIME,) if self._template is None else ()
 
+    @property
+    def at_once(self) -> int:
+        """See :class:`dashred.physics.external.adapter.Adapter`."""
+        return thread_count()
+
     def call(self, batch: StateBatch, way: Way, time: Unread | None = None) -> Array:
         """See :meth:`dashred.physics.external.adapter.Adapter.call`."""
         with TemporaryDirectory(prefix="dashred-", ignore_cleanup_errors=True) as name:
@@ -88,14 +93,32 @@ class CommandAdapter:
         return files_sha256(self._words, self._files)
 
 
-def open_command(
-    words: Sequence[str], template: str | None, seconds: float, layout: Layout, place: str
-) -> CommandAdapter:
+@dataclass(frozen=True)
+class CommandWords:
+    """What a command is opened from.
+
+    Attributes:
+        words: program and arguments, with ``{input}`` and ``{output}``.
+        template: path of the template of its input; None for NetCDF.
+        seconds: time limit for one state.
+        layout: of the files.
+        place: location of its key.
+    """
+
+    words: tuple[str, ...]
+    template: str | None
+    seconds: float
+    layout: Layout
+    place: str
+
+
+def open_command(given: CommandWords) -> CommandAdapter:
     """Find the program of a command, and read its template.
 
     Raises:
         InputError: there is no such program or template, or a name belongs to the files.
     """
+    words, template, place = given.words, given.template, given.place
     program = shutil.which(words[0])
     if program is None:
         what = "is not executable" if Path(words[0]).exists() else "does not exist"
@@ -109,4 +132,4 @@ def open_command(
     read = None if template is None else text_files.read_template(template)
     if template is not None:
         files.append(Path(template))
-    return CommandAdapter([program, *words[1:]], read, files, seconds, layout, place)
+    return CommandAdapter([program, *words[1:]], read, files, given.seconds, given.layout, place)

@@ -21,17 +21,26 @@ _token = secrets.token_hex(8)
 
 def marked_environment() -> dict[str, str]:
     """Return the environment of a program; what it leaves behind is ended with this process."""
+    return {**os.environ, **marks()}
+
+
+def marks() -> dict[str, str]:
+    """Return the variable by which the programs of this process are known.
+
+    A worker of a cluster that this process starts with it passes it on to its own programs.
+    """
     _end_at_exit()
-    return {**os.environ, MARK: _own_mark()}
+    return {MARK: " ".join([*os.environ.get(MARK, "").split(), _own_mark()])}
 
 
 def end_left_behind() -> None:
     """End all processes that have the environment of this process' programs."""
-    mark = f"{MARK}={_own_mark()}".encode()
+    name, mark = f"{MARK}=".encode(), _own_mark().encode()
     for file in Path("/proc").glob("[0-9]*/environ"):
         # A process may have ended since, or belong to another user.
         with suppress(OSError):
-            if mark in file.read_bytes().split(b"\0"):
+            variables = file.read_bytes().split(b"\0")
+            if any(v.startswith(name) and mark in v[len(name) :].split() for v in variables):
                 os.kill(int(file.parent.name), signal.SIGKILL)
 
 

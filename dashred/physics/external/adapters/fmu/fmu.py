@@ -55,7 +55,7 @@ class FmuAdapter:
         description: of the FMU.
     """
 
-    parallel = False
+    at_once = 1
     alone = together = (ANY_TIME,)
 
     def __init__(self, description: Description, fields: Sequence[str], place: str) -> None:

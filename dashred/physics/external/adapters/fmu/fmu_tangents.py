@@ -54,7 +54,7 @@ class FmuTangents:
         own: the adapter of the FMU for model exchange, which offers them.
     """
 
-    parallel = False
+    at_once = 1
     alone = together = (ANY_TIME,)
 
     def __init__(self, own: FmuAdapter) -> None:

@@ -16,7 +16,7 @@ import pytest
 
 from dashred.core.errors import InputError
 from dashred.core.threads import use_threads
-from dashred.physics.external.adapters.command.command import open_command
+from dashred.physics.external.adapters.command.command import CommandWords, open_command
 from dashred.physics.external.adapters.command.layout import Layout
 from dashred.physics.external.adapters.command.netcdf_files import InputWriter, read_output
 from dashred.physics.external.state_batch import StateBatch
@@ -76,7 +76,8 @@ def nothing_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 def opened(words: list[str], template: Path | None = None, **over: Any) -> SteppedProgram:
     path = None if template is None else str(template)
     options: dict[str, Any] = {"seconds": 20.0, "layout": LAYOUT, "place": PLACE} | over
-    return SteppedProgram(open_command(words, path, **options), GRID, keep=False)
+    given = CommandWords(tuple(words), path, **options)
+    return SteppedProgram(open_command(given), GRID, keep=False)
 
 
 def text_program(folder: Path, fault: str = "", **over: Any) -> SteppedProgram:
