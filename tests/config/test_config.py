@@ -294,6 +294,9 @@ WRONG_VALUES = [
     ("recording.every=11", "a twin needs recording.every"),
     ("recording.twin=../a", "'../a' is not the name of a twin"),
     ("device=gpu", "unknown device 'gpu'"),
+    ("cluster=10.0.0.5:8786", "'10.0.0.5:8786' is not one of local"),
+    ("cluster=0", "0 is not a number of workers from 1 to 1024"),
+    ("cluster=2", "cluster runs the calls of system.simulator.command, and this system has none"),
     (
         "system.axes.x.points=7",
         "system.axes.x.points must be at least 8 and at most 1000000; got 7",
