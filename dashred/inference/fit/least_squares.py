@@ -196,10 +196,22 @@ class NormalEquations:
     residuals: Tensor
     is_finite: bool = True
 
+    def with_precision(self, precision: Tensor) -> NormalEquations:
+        """Return F with another prior, ``(unknown,)``; the products of J are computed once."""
+        changed = replace(self, precision=precision)
+        shared = {"gram": self.gram, "target": self.target, "right_side": self.right_side}
+        changed.__dict__.update(shared)
+        return changed
+
+    @cached_property
+    def gram(self) -> Tensor:
+        """``JᵀJ``, ``(unknown, unknown)``."""
+        return self.jacobian.T @ self.jacobian
+
     @cached_property
     def hessian(self) -> Tensor:
         """``JᵀJ + P``, ``(unknown, unknown)``."""
-        return self.jacobian.T @ self.jacobian + torch.diag(self.precision)
+        return self.gram + torch.diag(self.precision)
 
     @cached_property
     def target(self) -> Tensor:
@@ -209,7 +221,7 @@ class NormalEquations:
     def solution(self, index: Sequence[int]) -> Tensor:
         """Return the minimiser over some unknowns, with the others zero: ``(len(index),)``."""
         chosen = list(index)
-        return solve(self.hessian[chosen][:, chosen], self._right_side[chosen, None])[:, 0]
+        return solve(self.hessian[chosen][:, chosen], self.right_side[chosen, None])[:, 0]
 
     def minimum(self) -> float:
         """Return the minimum of the linearised F."""
@@ -218,7 +230,7 @@ class NormalEquations:
     def minimum_over(self, index: Sequence[int]) -> float:
         """Return the minimum of the linearised F over some unknowns, with the others zero."""
         chosen = list(index)
-        gain = self._right_side[chosen] @ self.solution(chosen)
+        gain = self.right_side[chosen] @ self.solution(chosen)
         return float(self.target.square().sum() - gain)
 
     def covariance(self, index: Sequence[int]) -> Tensor:
@@ -267,7 +279,8 @@ class NormalEquations:
         return solve(system, right[..., None])[..., 0] / size
 
     @cached_property
-    def _right_side(self) -> Tensor:
+    def right_side(self) -> Tensor:
+        """``Jᵀb``, ``(unknown,)``."""
         return self.jacobian.T @ self.target
 
 

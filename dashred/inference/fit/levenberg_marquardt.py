@@ -75,7 +75,7 @@ def minimise(
         if known is None or fitted.jacobians:
             normal = objective.linearise(fitted.phi, fitted.readings, objective.deadline)
         else:
-            normal = replace(known, precision=objective.precision)
+            normal = known.with_precision(objective.precision)
         if not normal.is_finite:
             break
         lower = _step(objective, normal, fitted, LADDER)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import product
 
 import torch
@@ -31,7 +30,7 @@ def evidence(normal: NormalEquations, index: Sequence[int]) -> float:
     chosen = list(index)
     hessian = normal.hessian[chosen][:, chosen]
     precision = normal.precision[chosen]
-    right_side = normal.jacobian[:, chosen].T @ normal.target
+    right_side = normal.right_side[chosen]
     size = precision.sqrt()
     scaled = hessian / size[:, None] / size
     factor, failed = torch.linalg.cholesky_ex(scaled)
@@ -67,7 +66,7 @@ def evidence_of_levels(
 ) -> float:
     """Return the evidence of a forcing with these levels."""
     precision = torch.cat([normal.precision[: -block.count], prior_stds(block, levels) ** -2])
-    return evidence(replace(normal, precision=precision), range(len(precision)))
+    return evidence(normal.with_precision(precision), range(len(precision)))
 
 
 def prior_stds(block: ForcingBlock, levels: Sequence[float]) -> Tensor:

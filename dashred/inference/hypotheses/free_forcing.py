@@ -193,7 +193,7 @@ def _fit_levels(
         normal = objective.linearise(phi, fitted.readings)
         if levels == before and fitted.converged:
             break
-    normal = replace(normal, precision=objective.precision)
+    normal = normal.with_precision(objective.precision)
     [cost], _ = objective.values(phi[None])
     return FreeForcing(objective, block, phi, float(cost), normal, levels, tuple(equations))
 

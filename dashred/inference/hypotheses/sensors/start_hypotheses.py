@@ -45,7 +45,7 @@ def fit_start_hypotheses(null: HypothesisFit, bound: float = math.inf) -> list[H
             break
         z = _scaled(fitted.phi, size, previous / factor)
     precision = _scaled(normal_there.precision, size, previous**2)
-    plain = replace(normal_there, precision=precision)
+    plain = normal_there.with_precision(precision)
     wide_penalty = _penalty_part(_mean_evidence(normal_there, size, previous), normal_there)
     plain_penalty = _penalty_part(_evidence_of_factor(plain, size, 1.0), plain)
     penalty = wide_penalty - plain_penalty
@@ -86,5 +86,5 @@ def _best_factor(normal: NormalEquations, size: int, factor: float) -> float:
 
 def _evidence_of_factor(normal: NormalEquations, size: int, factor: float) -> float:
     """Return the evidence of a prior of the start, of so many modes, that is wider by a factor."""
-    wide = replace(normal, precision=_scaled(normal.precision, size, factor**-2))
+    wide = normal.with_precision(_scaled(normal.precision, size, factor**-2))
     return evidence(wide, range(len(normal.phi)))

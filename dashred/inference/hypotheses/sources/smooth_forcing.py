@@ -140,7 +140,7 @@ def fit_smooth_forcing(fine: LinearisedForcing, levels: tuple[float, ...]) -> Sm
         smooth = _with_modes(fine, cells, knots)
         for factor in LEVEL_FACTORS:
             scaled = tuple(factor * level for level in levels)
-            normal = replace(smooth.normal, precision=_precision(smooth, scaled))
+            normal = smooth.normal.with_precision(_precision(smooth, scaled))
             found = evidence(normal, range(len(normal.phi)))
             if found < best[0]:
                 chosen = replace(smooth, normal=normal)
