@@ -279,6 +279,10 @@ def test_data_for_which_both_chaotic_runs_are_lost_support_nothing() -> None:
     assert late.endswith(": runs of this chaotic system are lost before then.")
     assert restarted.endswith("12 times smaller.")
     assert headline(told).endswith("from a state fitted just before it, is 12 times smaller.")
+    # A law that alone makes the run diverge is not a matter of chaos.
+    told["fit"]["heldout_time"] = errors_by_method(simulation_refit=0.3, corrected=math.inf)
+    assert improvements(told)[0].endswith(": the run with the law diverges.")
+    assert headline(told).endswith("the simulation diverges in the held-out time.")
 
 
 @pytest.mark.parametrize("verdict", ["missing-term", "ambiguous", "outside-library"])
