@@ -135,3 +135,34 @@ def test_an_episode_that_is_too_short_is_refused_by_name(quick, tmp_path):
     short = episode("a").recording.between(0.0, 0.4)
     with pytest.raises(InputError, match="episode 'short': 5 samples are too few"):
         make_problem(quick, tmp_path, episode("b"), Episode("short", short))
+
+
+DOSED = """
+system:
+  title: a drug
+  fields: {A: drug}
+  inputs: {dose: dose}
+  equations: {A: -A}
+  start: {A: dose}
+  spread: {A: 0.5}
+  integrator: {dt: 0.05}
+"""
+
+
+@pytest.mark.parametrize(("second", "is_one"), [(4.2, True), (6.0, False)])
+def test_a_start_that_reads_an_input_is_the_same_in_all_episodes(tmp_path, second, is_one):
+    rows = [
+        f"{name},{0.1 * i:.1f},{dose * np.exp(-0.1 * i):.4f},{dose}"
+        for name, dose in (("x", 4.0), ("y", second))
+        for i in range(40)
+    ]
+    (tmp_path / "drug.csv").write_text("\n".join(["episode,time,A,dose", *rows, ""]))
+    (tmp_path / "drug.yaml").write_text(DOSED + "recording: {path: drug.csv}\n")
+    config = load_config([f"conf={tmp_path / 'drug.yaml'}"], entry="train")
+    if is_one:
+        # The difference is within the spread.
+        assert build_problem(config).episodes
+        return
+    with pytest.raises(InputError, match="the start of A reads an input that differs") as told:
+        build_problem(config)
+    assert "fitted in every episode" in str(told.value)

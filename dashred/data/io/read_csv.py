@@ -104,7 +104,7 @@ def episodes_of_table(
         InputError: as :func:`read_csv`.
     """
     path, ignored = table.path, layout.ignored
-    time = find_time_column(table, layout.step)
+    time = find_time_column(table, layout.step, ignored)
     stated = StatedUnits(system)
     check_ignored(table, ignored)
     named = [] if places is None or "name" not in places.columns else places.texts("name")

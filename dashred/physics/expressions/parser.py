@@ -35,7 +35,8 @@ LOGIC = frozenset({"and", "or", "not"})
 LOOKUP = "interp"
 KNOWN = FUNCTIONS.keys() | COMBINATIONS.keys() | OPERATORS | {LOOKUP}
 RESERVED = KNOWN | {"pi", "t"}
-MAX_LENGTH = 2000
+# A corrected equation may have a term for every parameter of every episode.
+MAX_LENGTH = 20000
 MAX_DEPTH = 60
 MAX_ORDER = 8
 
@@ -156,6 +157,8 @@ class _Reader:
                 return self.read(operand, depth)
             case ast.Compare() | ast.BoolOp() | ast.UnaryOp(op=ast.Not()):
                 return self.read_condition(node, depth)
+            case ast.BinOp(op=ast.Add() | ast.Sub()):
+                return self.read_sum(node, depth)
             case ast.BinOp(left=left, op=op, right=right):
                 return self.read_binary(node, op, self.read(left, depth), self.read(right, depth))
             case ast.Call(func=ast.Name(id=function), args=arguments, keywords=[]):
@@ -172,6 +175,18 @@ class _Reader:
         if id not in self.vocabulary.names:
             raise self.unknown(node, f"unknown name {id!r}", id, self.vocabulary.names)
         return Name(id)
+
+    def read_sum(self, node: ast.BinOp, depth: int) -> Expr:
+        """Read ``a + b - c``, of which the summands are all at one level."""
+        left: ast.expr = node
+        sums: list[ast.BinOp] = []
+        while isinstance(left, ast.BinOp) and isinstance(left.op, ast.Add | ast.Sub):
+            sums.append(left)
+            left = left.left
+        expr = self.read(left, depth)
+        for each in reversed(sums):
+            expr = self.read_binary(each, each.op, expr, self.read(each.right, depth))
+        return expr
 
     def read_binary(self, node: ast.AST, op: ast.operator, left: Expr, right: Expr) -> Expr:
         match op:

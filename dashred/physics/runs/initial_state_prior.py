@@ -31,6 +31,22 @@ def nominal_start(system: System, progress: Progress | None = None) -> Tensor:
     Raises:
         InputError: a start expression is invalid, or the spin-up blows up.
     """
+    state = stated_start(system)
+    if not system.config.spin_up:
+        return state
+    times = torch.linspace(0.0, system.config.spin_up, 61, dtype=torch.float64)
+    dt = system.config.spin_up_dt
+    path = simulate(system.with_step(dt) if dt else system, state, times, progress=progress)
+    check_finite(path, times, system)
+    return path[:, -1]
+
+
+def stated_start(system: System) -> Tensor:
+    """Return the stated initial state ``(1, field, *grid)``, before the spin-up.
+
+    Raises:
+        InputError: a start expression is invalid.
+    """
     expressions = [_start_expression(system, field) for field in system.fields]
     surroundings = system.coordinates_and_inputs(0.0, torch.device("cpu"))
     values = Program(expressions)(surroundings, system.operators)
@@ -39,14 +55,7 @@ def nominal_start(system: System, progress: Progress | None = None) -> Tensor:
         if not torch.isfinite(points).all():
             where = system.where(f"system.start.{field}")
             raise InputError(f"the start of {field} is not finite everywhere", where=where)
-    state = torch.stack([f.expand(system.grid.shape) for f in found])[None]
-    if not system.config.spin_up:
-        return state
-    times = torch.linspace(0.0, system.config.spin_up, 61, dtype=torch.float64)
-    dt = system.config.spin_up_dt
-    path = simulate(system.with_step(dt) if dt else system, state, times, progress=progress)
-    check_finite(path, times, system)
-    return path[:, -1]
+    return torch.stack([f.expand(system.grid.shape) for f in found])[None]
 
 
 def _start_expression(system: System, field: str) -> Expr:

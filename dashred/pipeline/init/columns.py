@@ -22,7 +22,7 @@ from dashred.data.io.stated_units import StatedUnits
 from dashred.data.io.tables.columns import Columns
 from dashred.data.io.tables.csv_table import Table, is_number, read_table
 from dashred.data.io.tables.long_table import widened
-from dashred.data.io.tables.table_layout import TableLayout, split_header
+from dashred.data.io.tables.table_layout import TIMES, TableLayout, split_header
 from dashred.data.io.tables.time_column import TimeColumn, find_time_column, has_dates, read_times
 from dashred.data.recording import Recording
 from dashred.data.sensors import RESERVED
@@ -93,6 +93,7 @@ class GuessedSystem:
         empty: columns that are left out, because they are empty in the part that is used.
         units: a unit of time for dates.
         texts: columns that are left out, but may name the sensor of each row.
+        row_numbers: column that was taken for the times, but may only count the rows.
     """
 
     axes: tuple[GuessedAxis, ...]
@@ -105,6 +106,7 @@ class GuessedSystem:
     empty: tuple[str, ...] = ()
     units: dict[str, str] = field(default_factory=dict)
     texts: tuple[str, ...] = ()
+    row_numbers: str | None = None
 
     def contains(self, place: Sequence[float], /) -> bool:
         """True: the axes are the whole domain."""
@@ -139,9 +141,9 @@ def read_recording(
         InputError: the recording or the sensor table is invalid, or a name cannot be used in an
             equation.
     """
-    own, layout = read_with_guessed_names(path, is_ode=sensors_table is None)
-    time = find_time_column(own, layout.step)
+    own, layout = read_with_guessed_names(path, sensors_table is None, ignored)
     unread = tuple(_column(own, layout, name, "ignore") for name in ignored)
+    time = find_time_column(own, layout.step, unread)
     layout = replace(layout, part=part, ignored=unread)
     table: Columns = own
     if {SENSOR, VALUE} <= set(layout.headers):
@@ -166,6 +168,9 @@ def read_recording(
     texts = [column for column in texts if column not in (*RESERVED, *times, *unread)]
     unclear = tuple(column for column in texts if may_name_sensors(table, column))
     guessed = replace(guessed, texts=unclear)
+    if (header := layout.headers.get(TIMES[0])) is not None and not has_dates(table, time):
+        is_count = _counts_rows(table.numbers(time.last)) and time.last not in table.units
+        guessed = replace(guessed, row_numbers=header if is_count else None)
     # The recording is read again below. Free the first copy, because it may be large.
     del own, table
     ignored = [*unread, *texts]

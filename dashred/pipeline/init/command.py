@@ -133,6 +133,12 @@ def main(argv: list[str]) -> int:
     if guessed.texts:
         print(f"left out: {', '.join(guessed.texts)} (text). If one names the sensor of each row:")
         print("recording.columns={sensor: NAME, value: COLUMN}, see docs/own-system.md")
+    if guessed.row_numbers is not None:
+        name = guessed.row_numbers
+        print(
+            f"times: {name}, which may only count the rows. Then ignore={name}, and recording.every"
+        )
+        print("is the time from row to row")
     if lets:
         print(f"{', '.join(lets)}: the rate of a rate is a let, and not a field")
     left = text.count(f"# {TO_DO}:")

@@ -35,7 +35,9 @@ from dashred.pipeline.init.long import long_columns
 STEP = 1.0
 
 
-def read_with_guessed_names(path: str, is_ode: bool) -> tuple[Table, TableLayout]:
+def read_with_guessed_names(
+    path: str, is_ode: bool, ignored: Collection[str] = ()
+) -> tuple[Table, TableLayout]:
     """Read a recording, and return it with names for its columns.
 
     A table without a header gets the names time, u1, u2, and so on. A column that may have the
@@ -45,6 +47,7 @@ def read_with_guessed_names(path: str, is_ode: bool) -> tuple[Table, TableLayout
     Args:
         path: of the recording.
         is_ode: whether the columns are the fields of an ODE.
+        ignored: columns that are left out, by their name in the file.
 
     Raises:
         InputError: the table is invalid.
@@ -64,9 +67,9 @@ def read_with_guessed_names(path: str, is_ode: bool) -> tuple[Table, TableLayout
     groups = unclear_groups(path)
     headers = {"episode": groups[0]} if groups else {}
     table = read_recording_table(path, TableLayout(headers=headers))
-    likely = None if named_times(table) else likely_times(table)
+    likely = None if named_times(table) else likely_times(table, ignored)
     if likely is None:
-        time = find_time_column(table, STEP)
+        time = find_time_column(table, STEP, ignored)
     elif (both := date_and_clock(table)) is not None:
         headers |= zip(("date", "time"), both, strict=True)
         time = TimeColumn(both)

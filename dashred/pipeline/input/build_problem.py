@@ -22,6 +22,7 @@ from dashred.data.splits import Split, hold_out_episode, split_recording
 from dashred.data.stated.known_factor import with_even_noise
 from dashred.physics.black_box.snapshot_file import open_snapshots
 from dashred.physics.black_box.snapshots import Snapshots
+from dashred.physics.runs.initial_state_prior import stated_start
 from dashred.physics.system import System
 from dashred.physics.terms.library import build_library
 from dashred.pipeline.input.read_recorded import read_recorded
@@ -111,6 +112,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
         )
         for episode, split in zip(sampled.episodes, splits, strict=True)
     ]
+    _check_starts(problems)
     longest = max(problems[:fitted], key=lambda problem: len(problem.split.fit.times))
     others = tuple(problem for problem in problems[:fitted] if problem is not longest)
     return replace(longest, others=others, whole=tuple(problems[fitted:]))
@@ -139,6 +141,27 @@ def _check_steps(config: Config, span: float, dt: float) -> None:
         what = f"the recording spans {span:g}, which takes too many steps of {dt:g}"
         hint = f"the limit is {MAX_STEPS} steps: is the unit of time the same in both?"
         raise InputError(what, where=config.where("system.integrator.dt"), hint=hint)
+
+
+def _check_starts(problems: Sequence[Problem]) -> None:
+    """Check that the episodes have one stated start, within its spread.
+
+    Raises:
+        InputError: it reads an input whose first values differ.
+    """
+    first = problems[0].system
+    if first.config.snapshots is not None or not first.inputs or len(problems) == 1:
+        return
+    starts = [stated_start(problem.system)[0] for problem in problems]
+    for index, field in enumerate(first.fields):
+        values = torch.stack([start[index] for start in starts])
+        stated = first.config.spread.get(field, 0.0)
+        spread = stated if isinstance(stated, int | float) else 0.0
+        if not torch.allclose(values, values[:1], atol=spread):
+            what = f"the start of {field} reads an input that differs between the episodes"
+            hint = f"give all episodes one start with a spread, {field}: {{value: …, spread: …}}: "
+            hint += "it is fitted in every episode by itself"
+            raise InputError(what, where=first.where(f"system.start.{field}"), hint=hint)
 
 
 def _noise(raw: Sequence[Recording], splits: Sequence[Split]) -> dict[str, float]:

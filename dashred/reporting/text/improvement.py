@@ -1,6 +1,5 @@
 """The errors on held-out data with and without the law, in plain sentences."""
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -81,10 +80,14 @@ def improvements(findings: Mapping[str, Any]) -> list[str]:
 def is_lost(fit: Mapping[str, Any], key: str) -> bool:
     """Return whether runs of a chaotic system are lost before these held-out data begin.
 
-    They are then not compared there, although they are compared elsewhere.
+    They are then not compared there, although they are compared elsewhere. If the law alone makes
+    the run diverge, it is not lost by chaos.
     """
     compared = [each["data"] for each in fit.get("comparisons", ())]
-    return bool(compared) and key not in compared
+    errors = fit.get(key) or {}
+    before = [errors.get(f"simulation_{start}") for start in ("same_start", "refit")]
+    is_unstable = _diverges(errors.get("corrected")) and not all(map(_diverges, before))
+    return bool(compared) and key not in compared and not is_unstable
 
 
 def is_confirmed(findings: Mapping[str, Any]) -> bool:
@@ -207,15 +210,20 @@ def assimilation_gains(findings: Mapping[str, Any]) -> list[str]:
     return lines
 
 
+def _diverges(error: float | None) -> bool:
+    """Return whether a run has a huge error, or none: null stands for one that blows up."""
+    return error is None or not error <= HUGE
+
+
 def _size(error: float | None) -> str:
     """Return an error; a run that blows up has none, and null stands for it in the findings."""
-    if error is None or not math.isfinite(error) or error > HUGE:
+    if error is None or _diverges(error):
         return "beyond all bounds"
     return f"{error:.3g}"
 
 
 def _factor(before: float | None, after: float | None) -> str:
-    lost = [error is None or not error <= HUGE for error in (before, after)]
+    lost = [_diverges(error) for error in (before, after)]
     if before is None or after is None or any(lost):
         if all(lost):
             return "both runs diverge"

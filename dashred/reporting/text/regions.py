@@ -6,7 +6,7 @@ A region that crosses the end of a periodic axis is written in two parts: ``x > 
 from collections.abc import Mapping
 
 from dashred.core.findings.law_schema import ActiveStates, Region
-from dashred.core.formatting import percent, rounded
+from dashred.core.formatting import number, percent, rounded
 from dashred.core.units import NO_UNITS, with_unit
 
 
@@ -15,11 +15,16 @@ def region_text(region: Region, units: Mapping[str, str] = NO_UNITS) -> str:
     of = region.get("axis") or region["field"]
     unit = units.get(of)
     if "to" in region:
-        begin, end = f"{region['from']:.3g}", with_unit(f"{region['to']:.3g}", unit)
+        begin, end = _short(region["from"]), with_unit(_short(region["to"]), unit)
         return f"for {_between(of, begin, end, is_split=region['from'] > region['to'])}"
     below = "below" in region
     edge = region["below"] if below else region["from"] if "from" in region else region["above"]
-    return f"for {of} {'<' if below else '>'} {with_unit(f'{edge:.3g}', unit)}"
+    return f"for {of} {'<' if below else '>'} {with_unit(_short(edge), unit)}"
+
+
+def _short(edge: float) -> str:
+    """Return an edge with three digits: ``−4030``."""
+    return number(float(f"{edge:.3g}"))
 
 
 def bounds(region: Region, units: Mapping[str, str]) -> str:

@@ -201,7 +201,7 @@ def law(findings: Mapping[str, Any]) -> list[str]:
         lines.append(f"{noun}: {'; and '.join(changed)}")
     lines = [f"{guess}{line}" for line in lines]
     parts = [*lines, *_hidden(findings), *_main_part(findings), *_also_supported(findings)]
-    return [sentence(line) for line in parts]
+    return [sentence(line) for line in [*parts, *_unsupported(findings)]]
 
 
 def main_terms(findings: Mapping[str, Any]) -> Mapping[str, Any] | None:
@@ -234,6 +234,14 @@ def _also_supported(findings: Mapping[str, Any]) -> list[str]:
     listed = ", ".join(in_symbols(term, term["region"]) for term in others)
     noun = "this term" if len(others) == 1 else "these terms"
     return [f"also supported: {listed}; the forecast does not need {noun}"]
+
+
+def _unsupported(findings: Mapping[str, Any]) -> list[str]:
+    """Return that no held-out data support the law, where this is not said otherwise."""
+    is_said = names_nearest_law(findings) or not is_confirmed(findings)
+    if is_said or not is_unsupported(findings):
+        return []
+    return ["no held-out data support this law: its error is nowhere smaller"]
 
 
 def other_laws(findings: Mapping[str, Any]) -> list[str]:

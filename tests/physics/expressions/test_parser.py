@@ -120,9 +120,11 @@ def test_refusals_point_at_the_column(text, at, says):
         ("  \t ", "empty"),
         ("u\n+ x", "one line"),
         ("u # the field", "one line"),
-        ("u + " * 600 + "u", "longer than 2000 characters"),
+        ("u + " * 6000 + "u", "longer than 20000 characters"),
         ("sin(" * 70 + "u" + ")" * 70, "nested deeper than 60 levels"),
         ("-" * 1500 + "u", ""),
+        ("-" * 19000 + "u", ""),
+        ("u*" * 9000 + "u", ""),
         ("(" * 900 + "u" + ")" * 900, ""),
         ("9" * 1900, "not a finite real number"),
     ],
@@ -131,6 +133,14 @@ def test_refusals_of_whole_texts(text, says):
     begin = time.perf_counter()
     assert says in refused(text).what
     assert time.perf_counter() - begin < 2
+
+
+def test_a_sum_may_have_as_many_terms_as_a_corrected_equation_needs():
+    """One for each parameter of each episode, in parentheses, as corrected.yaml has them."""
+    long = " + ".join(f"({i}.5*u**2/(lam + {i}))" for i in range(200))
+    assert len(long) > 4000
+    expr = parse(f"{long} - 3*u", LINE, where="")
+    assert isinstance(expr, algebra.Sum) and len(expr.terms) == 201
 
 
 @pytest.mark.parametrize(

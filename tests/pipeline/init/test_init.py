@@ -234,6 +234,22 @@ def test_a_table_without_times_asks_for_its_step(tmp_path: Path) -> None:
     assert "TO DO: the file has no times" in text
 
 
+def test_a_count_of_the_rows_need_not_be_the_times(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [f"{i},{math.cos(0.1 * i):.4f}" for i in range(60)]
+    path = tmp_path / "scope.csv"
+    path.write_text("\n".join(["Sequence,Volt", *rows, ""]))
+    written(tmp_path, f"path={path}")
+    assert "times: Sequence, which may only count the rows" in capsys.readouterr().out
+    (tmp_path / "mine.yaml").unlink()
+    config, text = written(tmp_path, f"path={path}", "ignore=Sequence")
+    assert list(config.system.fields) == ["Volt"] and text.count("TO DO:") == 2
+    system = System(config.system, config.where)
+    config.recording.every = 0.5
+    assert read_recorded(config, system).single(str(path)).times[2] == 1.0
+
+
 def test_runs_below_each_other_are_episodes(tmp_path: Path) -> None:
     rows = [f"{run};{0.1 * i:.1f};{math.cos(0.1 * i):.3f}" for run in "ab" for i in range(40)]
     (tmp_path / "runs.csv").write_text("\n".join(["Subject;Time (min);x", *rows, ""]))

@@ -142,6 +142,13 @@ def test_the_nearest_law_is_called_so_and_whether_held_out_data_support_it() -> 
     told = found(**outside)
     told["input"] = SOURCE | {"splits": {"validate": [], "test": ["a"]}}
     assert "  Sensor a reads too high." in verdict_lines(told)
+    # Of other verdicts it is said in a sentence.
+    other = found(BETTER, verdict="missing-term")
+    line = "No held-out data support this law: its error is nowhere smaller."
+    assert line not in text_of(other)
+    other["fit"]["heldout_time"]["corrected"] = 0.39
+    assert f"  {line}" in verdict_lines(other)
+    assert line not in text_of(found(BETTER, WORSE, verdict="unconfirmed"))
     # A law of the extended library is not only the nearest one.
     outside["causes"] = [{"kind": "outside-library", "probability": 0.9, "terms": ["u: sin(u)"]}]
     assert "nearest" not in text_of(found(BETTER, **outside))
@@ -279,6 +286,10 @@ def test_data_for_which_both_chaotic_runs_are_lost_support_nothing() -> None:
     assert late.endswith(": runs of this chaotic system are lost before then.")
     assert restarted.endswith("12 times smaller.")
     assert headline(told).endswith("from a state fitted just before it, is 12 times smaller.")
+    # A law that alone makes the run diverge is not a matter of chaos.
+    told["fit"]["heldout_time"] = errors_by_method(simulation_refit=0.3, corrected=math.inf)
+    assert improvements(told)[0].endswith(": the run with the law diverges.")
+    assert headline(told).endswith("the simulation diverges in the held-out time.")
 
 
 @pytest.mark.parametrize("verdict", ["missing-term", "ambiguous", "outside-library"])

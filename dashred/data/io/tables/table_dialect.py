@@ -10,6 +10,7 @@ from itertools import chain, islice
 from typing import TextIO
 
 from dashred.core.errors import InputError
+from dashred.core.unit_conversion import is_known_unit
 from dashred.data.io.tables.grouped_columns import ColumnGroups, find_groups
 
 # Endings of files that are read as tables.
@@ -29,6 +30,8 @@ DATE = re.compile(
 )
 # Rows that are searched for decimal commas, and lines that are searched for the header.
 HEAD, HEAD_LINES = 100, 60
+# Lines that show which columns have numbers.
+FEW_LINES = 8
 
 
 @dataclass(frozen=True)
@@ -78,14 +81,19 @@ def find_recording(file: TextIO) -> TableText:
     The rows begin with the first line whose first cell is a number or a date. The header is the
     first of the lines directly above that have as many cells, none of them empty or repeated. Lines
     before it are skipped, and lines below it, such as one with the units, are counted. Without such
-    rows, the first line is the header.
+    rows, columns of numbers beside others are read, or else the first line is the header.
     """
     head = list(islice(file, HEAD_LINES))
     lines = chain(head, file)
     begin = next((i for i, line in enumerate(head) if _is_content(line)), len(head))
     first = next((i for i in range(begin, len(head)) if _begins_with_a_value(head[i])), None)
     if first is None:
-        return find_header(lines)
+        beside = _columns_beside_text(head[begin:])
+        if not beside:
+            return find_header(lines)
+        separator = _separator(head[begin])
+        chosen = _chosen_columns(chain(head[begin:], file), separator, beside)
+        return TableText(chosen, separator, begin, has_header=False)
     if first == begin:
         found = find_header(lines)
         others = _cells(head[first], found.separator)[1:]
@@ -93,28 +101,53 @@ def find_recording(file: TextIO) -> TableText:
         return replace(found, has_header=is_named)
     separator = _separator(head[first])
     rows = [_cells(line, separator) for line in head[: first + 1]]
-    top = first
+    # Blank lines may follow the header.
+    end = next((i for i in range(first, begin, -1) if head[i - 1].strip()), begin)
+    top = end
     # The last columns may be empty, such as one for comments: then rows may be shorter.
     width = len(rows[first])
-    if first > begin and _names_all(rows[first - 1]) and "" not in rows[first - 1]:
-        width = max(width, len(rows[first - 1]))
+    if end > begin and _names_all(rows[end - 1]) and "" not in rows[end - 1]:
+        width = max(width, len(rows[end - 1]))
     while top > begin and len(rows[top - 1]) == width:
         top -= 1
-    for i in range(top, first):
+    for i in range(top, end):
         groups = find_groups(rows[i - 1] if i > top else [], rows[i])
         if groups is not None:
             below = _rows(head[i:], file, separator)
-            return TableText(below, separator, i, first - i - 1, groups=groups)
-    header = next((i for i in range(top, first) if _names_all(rows[i])), first)
+            return TableText(below, separator, i, end - i - 1, groups=groups)
+    named = [i for i in range(top, end) if _names_all(rows[i])]
+    header = next(iter(named), first)
     # A line with numbers below the header is a row, whatever its first cell, unless names follow:
-    # then it is a setting of the logger.
-    with_numbers = (i for i in range(first - 1, header, -1) if any(map(_is_number, rows[i])))
+    # then it is a setting of the logger, and settings without numbers may follow it.
+    with_numbers = (i for i in range(end - 1, header, -1) if any(map(_is_number, rows[i])))
     if (last := next(with_numbers, None)) is not None:
-        header = next((i for i in range(last + 1, first) if _names_all(rows[i])), first)
+        later = [i for i in named if i > last]
+        apart = [i for i in later if not all(map(_is_unit, rows[i]))]
+        header = next(reversed(apart or later), first)
     if header == first:
         return find_header(lines)
     below = _rows(head[header:], file, separator)
-    return TableText(below, separator, header, first - header - 1)
+    return TableText(below, separator, header, end - header - 1)
+
+
+def _columns_beside_text(lines: Sequence[str]) -> list[int]:
+    """Return the columns of numbers on the right of others; none if there are no two of them.
+
+    An oscilloscope may write its settings in the first columns of the first rows.
+    """
+    filled = [line for line in lines if line.strip()]
+    rows = [_cells(line, _separator(filled[0])) for line in filled] if filled else []
+    width = min(map(len, rows), default=0)
+    found = [i for i in range(width) if all(_is_number(row[i]) for row in rows)]
+    return found if len(rows) > FEW_LINES and len(found) > 1 else []
+
+
+def _chosen_columns(lines: Iterable[str], separator: str, columns: Sequence[int]) -> Iterator[str]:
+    """Yield lines with some columns only; a line that has not all of them is blank."""
+    for line in lines:
+        cells = _cells(line, separator)
+        is_row = len(cells) > columns[-1]
+        yield (separator.join(cells[i] for i in columns) if is_row else "") + "\n"
 
 
 def _is_content(line: str) -> bool:
@@ -130,6 +163,10 @@ def _is_value(cell: str) -> bool:
     """Return whether a cell is a number, a date or a time of day."""
     bare = cell.strip().strip('"')
     return _is_number(bare) or DATE.match(bare) is not None
+
+
+def _is_unit(cell: str) -> bool:
+    return is_known_unit(cell.strip(" ()[]"))
 
 
 def _names_all(cells: Sequence[str]) -> bool:

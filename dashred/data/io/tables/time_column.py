@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -64,7 +64,9 @@ class Times:
     of_date: Callable[[str], float] | None = None
 
 
-def find_time_column(table: Columns, step: float | None = None) -> TimeColumn:
+def find_time_column(
+    table: Columns, step: float | None = None, ignored: Collection[str] = ()
+) -> TimeColumn:
     """Find the column ``time``, or another one with a name for times, such as ``Timestamp``.
 
     Of the columns ``Date`` and ``Time``, both are used if the second has times of day.
@@ -72,6 +74,7 @@ def find_time_column(table: Columns, step: float | None = None) -> TimeColumn:
     Args:
         table: the recording.
         step: time from row to row, if it is known, for a table in which no column may have times.
+        ignored: columns that have none, although their cells may look so.
 
     Raises:
         InputError: there is no such column and no step, or there are several columns.
@@ -88,7 +91,7 @@ def find_time_column(table: Columns, step: float | None = None) -> TimeColumn:
         problem = f"which column has the times: {', '.join(candidates)}?"
         hint = f"name it: recording.columns={{time: {candidates[0]}}}"
         raise InputError(problem, where=table.path, hint=hint)
-    likely = likely_times(table)
+    likely = likely_times(table, ignored)
     # A column that may have the times is not passed over.
     if step is not None and likely is None:
         return TimeColumn((), step)
@@ -121,16 +124,17 @@ def named_times(table: Columns) -> list[str]:
     return named or [column for column, bare in plain.items() if unit_of_times(bare) is not None]
 
 
-def likely_times(table: Columns) -> str | None:
+def likely_times(table: Columns, ignored: Collection[str] = ()) -> str | None:
     """Return the first column of dates, or else of increasing numbers, if there is one.
 
     A count of the rows increases, too. A column in a unit of time comes first, and may repeat a
     value: a logger may round its times.
     """
-    if (rounded := _never_decreasing(table)) is not None:
+    columns = [column for column in table.columns if column not in ignored]
+    if (rounded := _never_decreasing(table, columns)) is not None:
         return rounded
     increasing = None
-    for column in table.columns:
+    for column in columns:
         cells = [cell for cell in table.texts(column) if cell]
         if len(set(cells[:FEW])) > 1 and all(map(is_date, cells[:FEW])):
             return column
@@ -141,10 +145,10 @@ def likely_times(table: Columns) -> str | None:
     return increasing
 
 
-def _never_decreasing(table: Columns) -> str | None:
+def _never_decreasing(table: Columns, columns: Sequence[str]) -> str | None:
     """Return the only column in a unit of time whose values never decrease, if there is one."""
     found = []
-    for column in table.columns:
+    for column in columns:
         cells = table.texts(column)
         if table.units.get(column, "").lower() in SECONDS and all(map(is_number, cells)):
             numbers = [float(cell) for cell in cells if cell]

@@ -225,17 +225,23 @@ def _without_measured_definitions(problem: Problem, nominal: NominalRun) -> Prob
 
 
 def _without_rescaling(problem: Problem) -> Problem:
-    """Return the problem without the term y in ``x' = c y``, where no sensor reads y.
+    """Return the problem without terms in ``x' = c y`` that vanish with y, if no sensor reads y.
 
-    It only measures y in another unit. The prior of y's start may favour one that fits it.
+    They only measure y in another unit, which may depend on the state. The prior of y's start may
+    favour a unit that fits it.
     """
     system, fields = problem.system, problem.system.fields
     measured = {sensor.reads for sensor in problem.split.fit.sensors} & set(fields)
+    without: dict[str, dict[str, algebra.Expr]] = {}
+    for field in fields:
+        if _defines_hidden(system.resolved[field], fields, measured):
+            rest = algebra.split_coefficient(system.resolved[field])[1]
+            without[field] = dict.fromkeys(algebra.names(rest), algebra.ZERO)
     kept = [
         term
         for term in problem.library
-        if not _defines_hidden(system.resolved[term.equation], fields, measured)
-        or algebra.split_coefficient(system.resolved[term.equation])[1] != term.expression
+        if term.equation not in without
+        or algebra.substitute(term.expression, without[term.equation]) != algebra.ZERO
     ]
     return problem.with_library(kept)
 

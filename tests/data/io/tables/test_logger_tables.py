@@ -33,6 +33,8 @@ def read(write: Write, text: str, layout: TableLayout | None = None) -> Table:
         "# a comment\ntime,u,v\n",
         "# time,u,v\n",
         "Samples,1000,\nX0,0.0,\n***End_of_Header***,,\ntime,u,v\n",
+        "time,u,v\n(ms),(V),(V)\n\n",
+        "Length,A:9,B:9\nStep,5.0E-06,\nUnits,A:V,B:V\ntime,u,v\n",
     ],
 )
 def test_the_header_is_found_between_other_lines(write: Write, head: str) -> None:
@@ -48,6 +50,19 @@ def test_the_line_below_the_header_has_units(write: Write) -> None:
     assert table.units == {"time": "second", "u": "V", "w": "m/s"}
     table = read(write, "time,u,v\n(s),[mV],(rad/s)\n0,1,2\n1,2,3\n")
     assert table.units == {"time": "s", "u": "mV", "v": "rad/s"}
+
+
+def test_settings_may_stand_beside_the_readings(write: Write) -> None:
+    """As some oscilloscopes write them: without a header, and each line ends with a comma."""
+    settings = ["Record Length,2.5e+03", "Sample Interval,5e-06", ",", "Vertical Units,V"]
+    beside = [*settings, *[","] * 8]
+    text = "\n".join(f"{left},, {0.5 * i:.2f}, {i}," for i, left in enumerate(beside)) + "\n"
+    table = read(write, text, TableLayout(("time", "u")))
+    np.testing.assert_array_equal(table.numbers("time"), 0.5 * np.arange(12))
+    np.testing.assert_array_equal(table.numbers("u"), np.arange(12))
+    assert count_unnamed(write("r.csv", text)) == 2
+    with pytest.raises(InputError, match="the columns have no names"):
+        read(write, text)
 
 
 def test_empty_cells_at_the_end_may_be_left_off(write: Write) -> None:
