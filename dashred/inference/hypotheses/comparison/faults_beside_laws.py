@@ -15,6 +15,7 @@ from dashred.inference.hypotheses.forcing_levels import evidence
 from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, by_score, refit
 from dashred.inference.hypotheses.result import AMBIGUITY_MARGIN, MAX_EXPLAINED_CHI2
+from dashred.inference.hypotheses.sensors.early_fault import without_sensors
 from dashred.inference.hypotheses.sensors.fault_fits import fit_sensor_hypotheses
 from dashred.inference.sensor_faults.fault_table import DISTINCT_KINDS
 from dashred.inference.sensor_faults.neighbours import has_neighbours
@@ -65,19 +66,10 @@ def forcing_gain_beside(fit: HypothesisFit, tendency_rms: Tensor) -> float:
         fit: a law with faults.
         tendency_rms: rms of each equation's own tendency, ``(equation,)``.
     """
-    objective = fit.objective
-    block, noise = objective.forward_model.sensors, objective.noise
-    seen = noise.available.clone()
-    for fault in fit.faults:
-        seen[:, block.columns_of(fault.sensor)] = False
-    count = objective.forward_model.law.count
-    forward_model = replace(objective.forward_model, sensors=replace(block, errors=()))
-    sound = replace(
-        objective,
-        forward_model=forward_model,
-        noise=replace(noise, available=seen),
-        prior_std=objective.prior_std[:count],
-    )
+    objective = without_sensors(fit.objective, (fault.sensor for fault in fit.faults))
+    model, count = objective.forward_model, objective.forward_model.law.count
+    model = replace(model, sensors=replace(model.sensors, errors=()))
+    sound = replace(objective, forward_model=model, prior_std=objective.prior_std[:count])
     phi = fit.phi[: objective.modes + count]
     return fit_free_forcing(sound, phi, tendency_rms)[1]
 

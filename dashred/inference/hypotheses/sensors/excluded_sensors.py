@@ -17,6 +17,7 @@ from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.hypotheses.free_forcing import FreeForcing
 from dashred.inference.hypotheses.hypothesis_fit import ExcludedSensors, HypothesisFit, refit
+from dashred.inference.hypotheses.sensors.early_fault import without_sensors
 from dashred.inference.sensor_faults.fault import count_sensors
 from dashred.inference.sensor_faults.fault_search import (
     FaultProblem,
@@ -59,11 +60,7 @@ def find_faults_beside_forcing(forcing: FreeForcing) -> FaultSet:
 
 def refit_forcing_without_sensors(forcing: FreeForcing, faulty: Sequence[int]) -> FreeForcing:
     """Refit a free forcing with the same levels, without some of the sensors."""
-    noise, sensors = forcing.objective.noise, forcing.objective.forward_model.sensors
-    seen = noise.available.clone()
-    for sensor in faulty:
-        seen[:, sensors.columns_of(sensor)] = False
-    problem = replace(forcing.objective, noise=replace(noise, available=seen))
+    problem = without_sensors(forcing.objective, faulty)
     fitted = minimise(problem, forcing.phi, STEPS, TOLERANCE)
     normal = problem.linearise(fitted.phi, fitted.readings)
     return replace(forcing, objective=problem, phi=fitted.phi, cost=fitted.cost, normal=normal)

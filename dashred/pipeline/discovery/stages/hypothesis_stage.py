@@ -16,6 +16,7 @@ from dashred.inference.forward.candidates import Candidate, replaced_terms
 from dashred.inference.forward.law_block import LawBlock
 from dashred.inference.hypotheses.comparison.compare_hypotheses import compare_hypotheses
 from dashred.inference.hypotheses.comparison.comparison import Additions, Comparison
+from dashred.inference.hypotheses.comparison.faults_alone import compare_faults_alone
 from dashred.inference.hypotheses.extended.extended_library import build_extended_candidates
 from dashred.inference.hypotheses.free_forcing import fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
@@ -118,6 +119,9 @@ def compare_local_cause(
 ) -> Comparison:
     """Compare a local cause, in the place of the best law, with all other hypotheses.
 
+    If the cause has no terms, sensors are faulty; where they alone explain the recording, nothing
+    else is fitted.
+
     Args:
         problem: recording and settings.
         nominal: simulation that gives the scales of the terms.
@@ -130,6 +134,10 @@ def compare_local_cause(
         OutOfTimeError: there was no time for any other hypothesis.
     """
     everything, additions = _with_additions(problem, nominal, objective)
+    if not cause.law.parts:
+        alone = compare_faults_alone(empty, additions.tendency_rms, problem.budget)
+        if alone is not None:
+            return alone
     return compare_hypotheses(everything, cause, empty, [], additions, problem.budget, report)
 
 

@@ -1,4 +1,7 @@
-"""Look for a cause at one place before any law is selected, and compare it with other causes."""
+"""Look for a cause at one place before any law is selected, and compare it with other causes.
+
+Such causes are faulty sensors, a source, and a term in a window.
+"""
 
 from __future__ import annotations
 
@@ -24,6 +27,7 @@ from dashred.inference.hypotheses.comparison.noise_reestimation import (
 from dashred.inference.hypotheses.first_part import first_parts
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, replace_minimum
 from dashred.inference.hypotheses.result import MIN_FORCING_GAIN, BestOfSize, Discovery
+from dashred.inference.hypotheses.sensors.early_fault import find_early_fault
 from dashred.inference.hypotheses.sources.early_source import find_early_source
 from dashred.inference.hypotheses.sources.find_source import FoundSource, refit_source
 from dashred.inference.hypotheses.sources.source_law import fit_source_law
@@ -69,7 +73,7 @@ def discover_local_cause(
             lambda: _find_local_cause(problem, nominal, objective, simulator, guesses[0], report),
             None,
         )
-        report(1.0, "none" if cause is None else str(cause.law))
+        report(1.0, "none" if cause is None else _name(cause))
     if cause is None:
         return None
     return _compare_with_others(problem, nominal, objective, cause, guesses, seconds)
@@ -94,7 +98,8 @@ def _find_local_cause(
         report: progress.
 
     Returns:
-        The law under the noise that it leaves; None if there is no such cause.
+        The law under the noise that it leaves; None if there is no such cause. For faulty sensors
+        it is the uncorrected simulator, from the start that the other sensors determine.
 
     Raises:
         OutOfTimeError: there was no time for the search.
@@ -107,6 +112,10 @@ def _find_local_cause(
     count = len(objective.prior_std)
     for part in islice(first_parts(null, guess.z, first_samples(null), size), MAX_PARTS):
         everywhere = best_terms_everywhere(objective, part)
+        if not everywhere.explain:
+            sound = find_early_fault(null, part, report)
+            if sound is not None:
+                return _with_all_sensors(sound, exact)
         source = find_early_source(null, part, size, everywhere, count, report)
         if source is not None:
             return _source_with_own_noise(replace(exact, deadline=NEVER), nominal, source, size)
@@ -145,7 +154,8 @@ def _compare_with_others(
     cause = replace(cause, objective=replace(cause.objective, deadline=deadline))
     with stage("compare hypotheses", seconds) as report:
         null = replace(objective.subset(()), deadline=NEVER)
-        steps = 0 if deadline.is_over else STEPS
+        # Faulty sensors would drag the start away from the one that the others determine.
+        steps = 0 if deadline.is_over or not cause.law.parts else STEPS
         fitted = minimise(null, cause.phi[: null.modes], steps, TOLERANCE)
         null = replace(null, deadline=deadline)
         empty = HypothesisFit(build_law(null, fitted, fitted.cost), null, fitted.phi)
@@ -157,7 +167,8 @@ def _compare_with_others(
         report(1.0, str(comparison.laws[0]))
     best = comparison.laws[0]
     # What is left, or what other causes explain beside it, may be a law that acts everywhere.
-    is_rest = comparison.forcing_gain > MIN_FORCING_GAIN or best.faults
+    is_mixed = best.faults and (best.candidates or best.source is not None)
+    is_rest = comparison.forcing_gain > MIN_FORCING_GAIN or is_mixed
     if is_rest or not is_record_explained(problem, comparison):
         return None
     count = objective.noise.count
@@ -178,6 +189,22 @@ def _compare_with_others(
         forcing_map=comparison.forcing_map,
         source=comparison.source,
     )
+
+
+def _with_all_sensors(sound: HypothesisFit, null: LeastSquaresProblem) -> HypothesisFit:
+    """Return a fit without some sensors as one of all, whose readings it does not follow.
+
+    Args:
+        sound: the fit of the start alone without these sensors.
+        null: F of the start alone over the whole record, with all sensors.
+    """
+    problem = replace(null, noise=noise_left_by(sound).over(null.noise), deadline=NEVER)
+    fitted = minimise(problem, sound.phi, 0, TOLERANCE)
+    return HypothesisFit(build_law(problem, fitted, fitted.cost), problem, fitted.phi)
+
+
+def _name(cause: HypothesisFit) -> str:
+    return str(cause.law) if cause.law.parts else "faulty sensors"
 
 
 def _uncompared(cause: HypothesisFit, empty: HypothesisFit) -> Comparison:

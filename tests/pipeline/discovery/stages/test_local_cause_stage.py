@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -36,10 +37,24 @@ SOURCE = " + 0.3*exp(6*(cos(2*pi*(x - 8.2)/10) - 1))"
 REGION = " - 0.25*c*(tanh((x - 3)/0.2) - tanh((x - 6)/0.2))"
 
 
-def findings_without_a_horizon(folder: Path, train, hidden: str) -> dict[str, Any]:
-    """Return the findings of a run, which must not have grown a horizon."""
+def findings_without_a_horizon(
+    folder: Path, train, hidden: str, change: Callable[[list[list[str]]], None] | None = None
+) -> dict[str, Any]:
+    """Return the findings of a run, which must not have grown a horizon.
+
+    Args:
+        folder: gets the files.
+        train: runs the command.
+        hidden: what the simulator lacks.
+        change: changes the rows of the recording.
+    """
     complete = SYSTEM.replace("HIDDEN", hidden)
     write_ring_recording(folder, complete, (0.51, 0.29), TIMES, SENSORS, NOISE)
+    if change is not None:
+        lines = (folder / "recording.csv").read_text(encoding="utf-8").splitlines()
+        rows = [line.split(",") for line in lines]
+        change(rows)
+        (folder / "recording.csv").write_text("\n".join(map(",".join, rows)), encoding="utf-8")
     (folder / "channel.yaml").write_text(SYSTEM.replace("HIDDEN", "") + REST, encoding="utf-8")
     path = folder / "recording.csv"
     ended = train(f"conf={folder / 'channel.yaml'}", f"recording.path={path}")
@@ -71,3 +86,19 @@ def test_a_term_in_a_region(tmp_path: Path, train) -> None:
         pytest.approx(3, abs=0.2),
         pytest.approx(6, abs=0.2),
     )
+
+
+@pytest.mark.slow
+def test_a_biased_sensor(tmp_path: Path, train) -> None:
+    """A wrong sensor drags the start so far that no law follows the recording."""
+
+    def bias(rows: list[list[str]]) -> None:
+        column = rows[0].index("s5")
+        for row in rows[1:]:
+            row[column] = repr(float(row[column]) + 0.15)
+
+    findings = findings_without_a_horizon(tmp_path, train, "", bias)
+    assert findings["verdict"] == "sensor-fault"
+    fault = findings["causes"][0]
+    assert (fault["sensor"], fault["fault"]) == ("s5", "bias")
+    assert fault["value"] == pytest.approx(0.15, abs=0.01)
