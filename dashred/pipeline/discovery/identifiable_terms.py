@@ -17,6 +17,8 @@ from dashred.pipeline.simulation.state_samples import StateSamples
 
 # Functions that differ from a power only where their argument changes its sign.
 KINKS = frozenset({"abs", "sign"})
+# Readings on which terms are compared, at most twice as many.
+MOST_ROWS = 2000
 
 
 def keep_identifiable_terms(problem: Problem, samples: StateSamples) -> Problem:
@@ -84,6 +86,10 @@ def alike_on_readings(problem: Problem, library: Sequence[Term]) -> dict[Term, s
         return {}
     read = np.concatenate([episode.split.fit.values for episode in problem.episodes])
     read = read[np.isfinite(read[:, [*columns.values()]]).all(axis=1)]
+    if len(read) > MOST_ROWS:
+        # The extremes show whether a sign changes.
+        extremes = (read[rows] for rows in (read.argmin(axis=0), read.argmax(axis=0)))
+        read = np.concatenate([read[:: len(read) // MOST_ROWS], *extremes])
     states = torch.zeros(len(read), len(system.fields), dtype=torch.float64)
     for name, column in columns.items():
         states[:, list(system.fields).index(name)] = torch.from_numpy(read[:, column])

@@ -9,6 +9,7 @@ import pytest
 
 from dashred.config import load_config
 from dashred.core.errors import InputError
+from dashred.pipeline.discovery import identifiable_terms
 from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
 from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.problem import Problem
@@ -138,8 +139,12 @@ recording: {path: fall.csv}
     return build_problem(load_config([f"conf={tmp_path / 'fall.yaml'}"], entry="train"))
 
 
+@pytest.mark.parametrize("rows", [2000, 10])
 @pytest.mark.parametrize("lowest", [1.0, -5.0])
-def test_a_sign_that_no_reading_changes_is_left_out(tmp_path: Path, lowest: float) -> None:
+def test_a_sign_that_no_reading_changes_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lowest: float, rows: int
+) -> None:
+    monkeypatch.setattr(identifiable_terms, "MOST_ROWS", rows)
     problem = parachute(tmp_path, lowest)
     found = samples(problem)
     assert found.states[:, 0].min() < 0
