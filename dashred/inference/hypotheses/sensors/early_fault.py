@@ -9,7 +9,13 @@ from dashred.core.progress import Report
 from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import growing_horizon_fits, minimise
-from dashred.inference.hypotheses.first_part import FirstPart, explains, follows
+from dashred.inference.hypotheses.first_part import (
+    MAX_CHI2,
+    MIN_EXCESS,
+    FirstPart,
+    explains,
+    follows,
+)
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, by_score
 from dashred.inference.hypotheses.sensors.fault_fits import fit_sensor_hypotheses
 from dashred.inference.sensor_faults.fault import count_sensors
@@ -40,7 +46,9 @@ def find_early_fault(
         return None
     fitted = minimise(part.null, part.phi, STEPS, TOLERANCE)
     law = build_law(part.null, fitted, fitted.cost)
-    found = fit_sensor_hypotheses(HypothesisFit(law, part.null, fitted.phi), law.score)
+    # Faults that leave more than noise are not searched.
+    bound = MAX_CHI2 * part.null.noise.count + MIN_EXCESS
+    found = fit_sensor_hypotheses(HypothesisFit(law, part.null, fitted.phi), bound)
     if not found:
         return None
     best = min(found, key=by_score)
