@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
+from threading import Event
 from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 from dashred.core.cluster.word import WHERE, Cluster
@@ -36,6 +37,11 @@ class ClusterCalls:
 
     def __init__(self, client: Client, count: int) -> None:
         self.count, self._client = count, client
+        self._stopped = Event()
+
+    def stop(self) -> None:
+        """Wait for no call any longer."""
+        self._stopped.set()
 
     def call(self, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
         """Call a function on a worker and wait for its result.
@@ -52,7 +58,7 @@ class ClusterCalls:
             try:
                 return future.result(timeout=GLANCE)
             except TimeoutError:
-                if is_given_up():
+                if is_given_up() or self._stopped.is_set():
                     future.cancel()
                     raise CallLostError("is not waited for") from None
             except KilledWorker as killed:

@@ -13,9 +13,9 @@ ADDRESS = re.compile(r"(tcp|tls)://[^\s:/]+:\d{1,5}\Z")
 BATCH = re.compile(r"(slurm|kubernetes):(\d{1,6})\Z", re.ASCII)
 NUMBER = re.compile(r"\d{1,6}\Z", re.ASCII)
 HELP = (
-    "runs the cases on Dask workers in place of jobs=: `local` (a process for each core), a number "
-    "of processes, the address of a scheduler, or workers of a batch system, whose settings are in "
-    "Dask's configuration"
+    "runs the cases or rows on Dask workers in place of jobs=: `local` (a process for each core), "
+    "a number of processes, the address of a scheduler, or workers of a batch system, whose "
+    "settings are in Dask's configuration"
 )
 EXAMPLES = "local|N|tcp://HOST:PORT|slurm:N|kubernetes:N"
 

@@ -8,6 +8,7 @@ from typing import TypeVar
 
 from dashred.config import Settings, bundled_names
 from dashred.config.bundled_systems import results_root
+from dashred.core.cluster.word import EXAMPLES, HELP, Cluster, read_cluster
 from dashred.core.command_line.argument_types import (
     integer_reader,
     list_reader,
@@ -31,6 +32,8 @@ RESERVED = {
     "tracking.run": "nothing: every row opens a run of its own",
     "tracking.parent": "nothing: the bench opens the run that the rows are nested below",
 }
+# Keys of a configuration that are words of the bench itself.
+OWN_WORDS = ("output", "cluster")
 # Instead of a number of sensors: the system's own.
 SYSTEM_NUMBER = "own"
 
@@ -93,6 +96,7 @@ class Request:
         "rows at once; more than one disturb each other's seconds",
         default="1",
     )
+    cluster: Cluster | None = argument(read_cluster, EXAMPLES, HELP, default=None)
     output: Path = argument(
         read_absolute_path,
         "DIR",
@@ -142,6 +146,6 @@ def read_request(command: Command[R], argv: list[str]) -> R:
         if key in RESERVED and not HELP_FLAGS & set(argv):
             what, hint = f"{key}= is not a word of {command.program}", f"use {RESERVED[key]}"
             raise InputError(what, where=COMMAND_LINE, hint=hint)
-        passed_on = sign and key.partition(".")[0] in sections and key != "output"
+        passed_on = sign and key.partition(".")[0] in sections and key not in OWN_WORDS
         (overrides if passed_on else own).append(text)
     return replace(command.read(own, others=sections), overrides=tuple(overrides))

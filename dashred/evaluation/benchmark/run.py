@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from dashred.core.cluster.calls import use_cluster
 from dashred.core.errors import DONE, OUR_FAILURE, InputError
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.findings import write_json_atomic
@@ -30,6 +31,7 @@ from dashred.evaluation.benchmark.table import (
     to_markdown,
     to_rich,
 )
+from dashred.physics.external.adapters.command.left_behind import marks
 from dashred.pipeline.run.output_dir import make_output
 
 # Width of tables where the output is not a terminal.
@@ -39,7 +41,11 @@ TABLE_WIDTH = 240
 def run_bench(request: Request, rows: Sequence[Row]) -> int:
     """Run the unfinished rows, write and print the tables; return 1 if a row failed."""
     output = make_output(str(request.output))
-    with lock_folder(output, "bench"), signals_as_interrupt():
+    with (
+        lock_folder(output, "bench"),
+        signals_as_interrupt(),
+        use_cluster(request.cluster, marks()),
+    ):
         records = {row.folder: done for row in rows if (done := read_finished(row))}
         waiting = [row for row in rows if row.folder not in records]
         CONSOLE.print(f"{len(rows)} rows, {len(records)} of them already finished, in {output}")

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from dashred.core.cluster.calls import use_cluster
 from dashred.core.errors import DONE, OUR_FAILURE
 from dashred.core.job_control import last_line, lock_folder, signals_as_interrupt
 from dashred.core.mlflow.tracker import Tracker
@@ -25,6 +26,7 @@ from dashred.evaluation.comparison.document import write_results
 from dashred.evaluation.comparison.method_scores import read_others
 from dashred.evaluation.comparison.ratios import ComparedRow, as_metrics
 from dashred.evaluation.comparison.stored_rows import rows_of_document
+from dashred.physics.external.adapters.command.left_behind import marks
 from dashred.pipeline.run.output_dir import make_output
 
 LOG = "other_methods.txt"
@@ -41,6 +43,7 @@ def run_comparison(request: Request, rows: Sequence[Row], document: Path) -> int
     with (
         lock_folder(output, "comparison"),
         signals_as_interrupt(),
+        use_cluster(request.cluster, marks()),
         parent_run(output, rows[0].store, rows) as run,
     ):
         nested = nested_arguments(run, rows[0].store)

@@ -305,6 +305,17 @@ def test_a_run_without_results_is_not_done(stub: Stub, monkeypatch: pytest.Monke
     assert row["exit_code"] == 0 and "has no results" in row["problem"]
 
 
+@pytest.mark.slow
+def test_rows_run_on_a_cluster(stub: Stub) -> None:
+    pytest.importorskip("distributed")
+    assert stub.bench("twins=a", "seeds=0-1", "cluster=1") == 0
+    assert [w["seed"] for w in stub.started()] == ["0", "1"]
+    assert [row["exit_code"] for row in stub.table()["rows"]] == [0, 0]
+    # They are not run again.
+    assert stub.bench("twins=a", "seeds=0-1", "cluster=1") == 0
+    assert stub.started() == []
+
+
 @pytest.mark.parametrize("change", ["config", "law", "half written"])
 def test_a_row_of_other_content_is_run_again(stub: Stub, change: str) -> None:
     (stub.folder / "twins").mkdir()
