@@ -76,7 +76,7 @@ def test_coefficients_reach_the_store_by_epoch(setting, tmp_path):
     problem = replace(problem, settings=replace(problem.settings, every=2))
     with Tracker.open(str(tmp_path / "mlruns"), "ring", "run") as parent:
         with parent.child("assimilate") as child:
-            callback = LatentDiscovery(problem, child, parent)
+            callback = LatentDiscovery(problem, child.log_metrics, parent.log_metrics)
             fitted(module, data, callback, 4)
             final = callback.finish(module)
         client = parent._store.client
