@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from dashred.config.network_devices import accelerator, process_count
 from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where
@@ -9,8 +11,8 @@ from dashred.core.errors import InputError
 
 STRATEGY = "ddp_spawn"
 # Strategies of Lightning that run the command again for each device.
-RERUNNING = ("ddp", "fsdp", "deepspeed", "model_parallel")
-FORKING = ("ddp_fork", "ddp_notebook")
+RERUNNING = re.compile(r"ddp(_find_unused_parameters_\w+)?|(fsdp|deepspeed)\w*")
+FORKING = re.compile(r"ddp_(fork|notebook)\w*")
 
 
 def check_trainer(settings: Settings, where: Where) -> None:
@@ -30,11 +32,11 @@ def check_trainer(settings: Settings, where: Where) -> None:
 
 
 def _check_strategy(strategy: str | None, where: str) -> None:
-    if strategy in (None, STRATEGY):
+    if strategy is None or strategy == STRATEGY:
         return
-    if strategy.startswith(FORKING):
+    if FORKING.fullmatch(strategy):
         problem = f"{strategy} copies a running analysis, whose threads and GPUs cannot be copied"
-    elif strategy.startswith(RERUNNING):
+    elif RERUNNING.fullmatch(strategy):
         problem = f"{strategy} starts the whole analysis once for each device"
     else:
         problem = f"unknown strategy {strategy!r}"

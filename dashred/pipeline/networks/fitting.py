@@ -112,7 +112,7 @@ class FitInProcesses:
             callbacks=[*callbacks, worker],
             **settings,
         )
-        where, port = self.config.where("trainer"), os.environ.get(PORT)
+        where, port = self.config.where("trainer.devices"), os.environ.get(PORT)
         try:
             with self.calls.served():
                 trainer.fit(module, data)
@@ -129,7 +129,7 @@ class FitInProcesses:
             raise InputError(
                 f"the simulator cannot be sent to other processes: {error}",
                 where=where,
-                hint="train in the process of the analysis: trainer.devices=null",
+                hint="choose trainer.devices=null and trainer.strategy=null",
             ) from error
         finally:
             if port is None:
