@@ -44,21 +44,32 @@ WHOLE = Share()
 class SharedBatches(Sampler[list[int]]):
     """Every ``count``-th sample of each batch, so that the batch of all processes has its size.
 
-    All processes have the same number of batches. A last batch with fewer samples than processes
-    gives its first sample to those that would have none.
+    All processes have the same number of batches, and a sample in each: a last batch with fewer
+    samples than processes is joined to the one before.
+
+    Args:
+        order: order of the samples.
+        samples: their number.
+        size: of a batch of all processes.
+        share: of this process.
     """
 
-    def __init__(self, batches: BatchSampler, share: Share) -> None:
-        self.batches, self.share = batches, share
+    def __init__(self, order: Sampler[int], samples: int, size: int, share: Share) -> None:
+        if samples < share.count:
+            raise ValueError(f"{samples} samples cannot be shared among {share.count} processes")
+        self.batches, self.share = BatchSampler(order, size, drop_last=False), share
+        self.joins = 0 < samples % size < share.count
 
     def __iter__(self) -> Iterator[list[int]]:
         """Yield the indices of the samples, batch by batch."""
-        for batch in self.batches:
-            yield batch[self.share.rank :: self.share.count] or batch[:1]
+        batches = iter(self.batches)
+        for number, batch in enumerate(batches, start=1):
+            joined = batch + next(batches) if self.joins and number == len(self) else batch
+            yield joined[self.share.rank :: self.share.count]
 
     def __len__(self) -> int:
         """Return the number of batches."""
-        return len(self.batches)
+        return len(self.batches) - self.joins
 
 
 def shuffled_batches(
@@ -77,5 +88,5 @@ def ordered_batches(tensors: tuple[Tensor, ...], size: int, share: Share = WHOLE
 
 
 def _loader(dataset: TensorDataset, order: Sampler[int], size: int, share: Share) -> Batches:
-    batches = SharedBatches(BatchSampler(order, size, drop_last=False), share)
+    batches = SharedBatches(order, len(dataset), size, share)
     return DataLoader(dataset, sampler=batches, batch_size=None)

@@ -32,7 +32,13 @@ def test_the_order_differs_from_epoch_to_epoch_but_not_between_processes() -> No
     assert epochs[0] != epochs[1]
 
 
-def test_no_process_is_without_a_sample_of_a_small_last_batch() -> None:
-    shares = [numbers(ordered_batches((SAMPLES,), 20, Share(rank, 3))) for rank in range(3)]
-    assert [share[-1] for share in shares] == [[20], [20], [20]]
-    assert [share[0][0] for share in shares] == [0, 1, 2]
+def test_a_small_last_batch_is_joined_to_the_one_before() -> None:
+    shares = [numbers(ordered_batches((SAMPLES,), 10, Share(rank, 2))) for rank in range(2)]
+    assert [len(share) for share in shares] == [2, 2]
+    assert shares[0][-1] == [10, 12, 14, 16, 18, 20]
+    assert numbers(ordered_batches((SAMPLES,), 10))[-1] == [20]  # one process alone computes it
+
+
+def test_fewer_samples_than_processes_are_refused() -> None:
+    with pytest.raises(ValueError, match="21 samples cannot be shared among 22 processes"):
+        ordered_batches((SAMPLES,), 30, Share(0, 22))

@@ -18,6 +18,7 @@ from dashred.pipeline.networks.remote_calls import Function, RemoteCalls
 from dashred.pipeline.networks.worker import Worker
 
 PORT = "MASTER_PORT"
+RAISED = f"\n{InputError.__module__}.{InputError.__qualname__}: "
 
 
 class Fitting(Protocol):
@@ -102,7 +103,7 @@ class FitInProcesses:
             for callback, state in zip(callbacks, states, strict=True):
                 callback.load_state_dict(state)
 
-        worker = Worker(self.config.threads, callbacks, self.accept(load), self.accept(self._fail))
+        worker = Worker(self.config.threads, callbacks, self.accept(load))
         trainer = _trainer(
             self.config,
             devices=process_count(self.config),
@@ -116,9 +117,12 @@ class FitInProcesses:
         try:
             with self.calls.served():
                 trainer.fit(module, data)
-        except ProcessRaisedException:
-            if self.calls.error is None:
-                raise
+        except ProcessRaisedException as raised:
+            # It is the text of the traceback.
+            _, is_input, text = str(raised).rpartition(RAISED)
+            if is_input:
+                raise InputError(text.strip()) from raised
+            raise
         except ProcessExitedException as ended:
             raise InputError(
                 f"the networks are trained in other processes, and {ended}",
@@ -136,9 +140,6 @@ class FitInProcesses:
                 os.environ.pop(PORT, None)
         if self.calls.error is not None:
             raise self.calls.error
-
-    def _fail(self, error: InputError) -> None:
-        raise error
 
 
 def _trainer(config: Config, **settings: Any) -> Trainer:

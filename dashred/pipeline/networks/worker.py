@@ -8,7 +8,6 @@ from typing import Any
 
 from lightning import Callback, LightningModule, Trainer
 
-from dashred.core.errors import InputError
 from dashred.models.torch_setup import set_up_torch
 
 
@@ -19,7 +18,6 @@ class Worker(Callback):
         threads: number of threads for trajectories.
         callbacks: the other callbacks.
         load: takes their states in the process of the analysis.
-        fail: takes an error of the input there.
     """
 
     def __init__(
@@ -27,10 +25,8 @@ class Worker(Callback):
         threads: int,
         callbacks: Sequence[Callback],
         load: Callable[[list[dict[str, Any]]], None],
-        fail: Callable[[InputError], None],
     ) -> None:
-        self.threads, self.callbacks = threads, callbacks
-        self.load, self.fail = load, fail
+        self.threads, self.callbacks, self.load = threads, callbacks, load
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Set up the process when the callback arrives there, before Lightning starts to work."""
@@ -41,10 +37,3 @@ class Worker(Callback):
     def on_fit_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Return the states."""
         self.load([callback.state_dict() for callback in self.callbacks])
-
-    def on_exception(
-        self, trainer: Trainer, pl_module: LightningModule, exception: BaseException
-    ) -> None:
-        """Return an error of the input; others are errors of the program, with a traceback."""
-        if isinstance(exception, InputError):
-            self.fail(exception)

@@ -34,6 +34,7 @@ shred: {lags: 5, latent: 8, decoder: [16], modes: 8, epochs: 4, steps: 7, batch:
 assimilation: {epochs: 4, width: 8, batch: 16, rate: 2e-2, gain: 0}
 latent_sindy: {steps: [1, 2], bootstraps: 3, begins: 3}
 threads: 1
+budget: 1e5
 """
 Configured = Callable[..., SimulationRuns]
 
