@@ -161,12 +161,12 @@ class Trainer:
     """Kind of device of the networks; null takes the one of the key device."""
 
     devices: Count | None
-    """Number of processes that share each batch, one for each GPU, or on as many CPUs; null trains
-    on one device in the process of the analysis."""
+    """Number of processes that share each batch, one for each GPU or CPU; null trains on one device
+    in the process of the analysis."""
 
     strategy: str | None
-    """Strategy of Lightning for several devices; null takes ddp_spawn, the only one that does not
-    start the whole analysis once for each device."""
+    """Strategy of Lightning; null takes ``ddp_spawn`` for several devices. The others start the
+    whole analysis once for each device, or copy it while it runs."""
 
     precision: Literal["32-true", "bf16-mixed", "16-mixed"] | None
     """Precision in which SHRED is trained on simulations; null takes 32-true. The assimilation is

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from pickle import PicklingError
 from typing import Any, Protocol
 
@@ -116,7 +117,12 @@ class FitInProcesses:
         where, port = self.config.where("trainer.devices"), os.environ.get(PORT)
         try:
             with self.calls.served():
-                trainer.fit(module, data)
+                try:
+                    trainer.fit(module, data)
+                finally:
+                    # Ctrl-C may have ended the fit in this process alone.
+                    if trainer.strategy.launcher is not None:
+                        trainer.strategy.launcher.kill(signal.SIGKILL)
         except ProcessRaisedException as raised:
             # It is the text of the traceback.
             _, is_input, text = str(raised).rpartition(RAISED)

@@ -29,10 +29,13 @@ class Worker(Callback):
         self.threads, self.callbacks, self.load = threads, callbacks, load
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Set up the process when the callback arrives there, before Lightning starts to work."""
+        """Keep Lightning quiet from the arrival in the process on: it announces the processes."""
         self.__dict__.update(state)
-        set_up_torch(self.threads)
         logging.getLogger("lightning.fabric").setLevel(logging.ERROR)
+
+    def setup(self, trainer: Trainer, pl_module: LightningModule, stage: str) -> None:
+        """Set up torch; Lightning has chosen another number of threads before."""
+        set_up_torch(self.threads)
 
     def on_fit_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Return the states."""

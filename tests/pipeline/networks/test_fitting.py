@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
+import time
 from typing import Any
 
 import pytest
@@ -77,6 +79,16 @@ class Ends(Callback):
             os.kill(os.getpid(), signal.SIGKILL)
 
 
+class Interrupts(Callback):
+    """Sends Ctrl-C to the process of the analysis alone, and goes on for minutes."""
+
+    def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Send it."""
+        if trainer.is_global_zero:
+            os.kill(os.getppid(), signal.SIGINT)
+        time.sleep(300)
+
+
 def test_a_fit_on_one_device_is_that_of_a_plain_trainer(configured: Configured) -> None:
     here, plain = Line(), Line()
     place = fitting(configured().problem.config)
@@ -122,3 +134,17 @@ def test_an_error_in_another_process_ends_the_fit(
     with pytest.raises(InputError, match=what):
         place.fit(Line(), Points(), [callback], max_epochs=2)
     assert "MASTER_PORT" not in os.environ
+
+
+@pytest.mark.slow
+@TWO_CPUS
+def test_ctrl_c_ends_the_other_processes(configured: Configured) -> None:
+    place, before = fitting(configured("trainer.devices=2").problem.config), time.monotonic()
+    handler = signal.getsignal(signal.SIGINT)
+    try:
+        with pytest.raises(SystemExit):
+            place.fit(Line(), Points(), [Interrupts()], max_epochs=1)
+    finally:
+        signal.signal(signal.SIGINT, handler)  # Lightning ignores further ones
+    assert time.monotonic() - before < 250
+    assert not multiprocessing.active_children()
