@@ -31,7 +31,8 @@ class Worker(Callback):
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Keep Lightning quiet from the arrival in the process on: it announces the processes."""
         self.__dict__.update(state)
-        logging.getLogger("lightning.fabric").setLevel(logging.ERROR)
+        for name in ("lightning.fabric", "lightning.pytorch"):
+            logging.getLogger(name).setLevel(logging.ERROR)
 
     def setup(self, trainer: Trainer, pl_module: LightningModule, stage: str) -> None:
         """Set up torch; Lightning has chosen another number of threads before."""

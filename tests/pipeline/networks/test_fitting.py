@@ -147,4 +147,6 @@ def test_ctrl_c_ends_the_other_processes(configured: Configured) -> None:
     finally:
         signal.signal(signal.SIGINT, handler)  # Lightning ignores further ones
     assert time.monotonic() - before < 250
-    assert not multiprocessing.active_children()
+    for process in multiprocessing.active_children():
+        process.join(60)
+        assert not process.is_alive()
