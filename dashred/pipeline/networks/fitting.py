@@ -8,7 +8,7 @@ from pickle import PicklingError
 from typing import Any, Protocol
 
 from lightning import LightningDataModule, LightningModule, Trainer
-from lightning.fabric.plugins.environments import LightningEnvironment
+from lightning.fabric.plugins.environments.lightning import LightningEnvironment
 from lightning.pytorch.callbacks import Callback
 from torch.multiprocessing.spawn import ProcessExitedException, ProcessRaisedException
 
