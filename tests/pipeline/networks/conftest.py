@@ -32,7 +32,7 @@ library: {u: [u, u**2, "d(u, x)"]}
 simulation: {members: 24, held_out: 6, terms: 1}
 shred: {lags: 5, latent: 8, decoder: [16], modes: 8, epochs: 4, steps: 7, batch: 8, rate: 2e-2}
 assimilation: {epochs: 4, width: 8, batch: 16, rate: 2e-2, gain: 0}
-latent_sindy: {steps: [1, 2], bootstraps: 3, begins: 3, threshold: 0}
+latent_sindy: {steps: [1, 2], bootstraps: 3, begins: 3}
 threads: 1
 budget: 1e5
 """
