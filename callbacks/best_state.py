@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from typing import Any
 
 from lightning import Callback, LightningModule, Trainer
 from torch import Tensor
@@ -30,6 +31,14 @@ class BestState(Callback):
         self.monitor, self.gain = monitor, gain
         self.best, self.best_epoch, self.required = math.inf, 0, math.inf
         self._state: dict[str, Tensor] = {}
+
+    def state_dict(self) -> dict[str, Any]:
+        """Return the best metric and its epoch."""
+        return {"best": self.best, "best_epoch": self.best_epoch}
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        """Take them from a fit in other processes, which has restored the weights."""
+        self.best, self.best_epoch = state_dict["best"], state_dict["best_epoch"]
 
     def on_validation_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Copy the weights if they are the best so far."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from lightning import Callback, LightningModule, Trainer
 
-from dashred.core.tracking import StageTracker
+from dashred.core.tracking import Log
 
 
 class RMSECurves(Callback):
@@ -17,15 +19,23 @@ class RMSECurves(Callback):
         history: metric → list of (epoch, value).
 
     Args:
-        child: nested run that gets the curves.
-        parent: run of the command; it gets the RMSEs under ``prefix``, so that commands can be
-            compared.
+        child: log of the nested run, which gets the curves.
+        parent: log of the run of the command; it gets the RMSEs under ``prefix``, so that commands
+            can be compared.
         prefix: for example ``assimilate``.
     """
 
-    def __init__(self, child: StageTracker, parent: StageTracker, prefix: str) -> None:
+    def __init__(self, child: Log, parent: Log, prefix: str) -> None:
         self.child, self.parent, self.prefix = child, parent, prefix
         self.history: dict[str, list[tuple[int, float]]] = {}
+
+    def state_dict(self) -> dict[str, Any]:
+        """Return the curves."""
+        return {"history": self.history}
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        """Take them from a fit in other processes."""
+        self.history = state_dict["history"]
 
     def on_validation_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Log the epoch's metrics."""
@@ -36,7 +46,7 @@ class RMSECurves(Callback):
             if name.startswith("rmse/")
         }
         self._log(found, epoch)
-        self.parent.log_metrics({f"{self.prefix}/{k}": v for k, v in found.items()}, epoch)
+        self.parent({f"{self.prefix}/{k}": v for k, v in found.items()}, epoch)
 
     def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Log the losses of the epoch, which are complete only now."""
@@ -48,6 +58,6 @@ class RMSECurves(Callback):
         self._log(losses, trainer.current_epoch + 1)
 
     def _log(self, found: dict[str, float], epoch: int) -> None:
-        self.child.log_metrics(found, epoch)
+        self.child(found, epoch)
         for name, value in found.items():
             self.history.setdefault(name, []).append((epoch, value))

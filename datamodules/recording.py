@@ -10,7 +10,7 @@ from torch import Tensor
 
 from dashred.data.recording import Recording
 from dashred.models.lag_windows import windows
-from datamodules.batches import Batches, ordered_batches, shuffled_batches
+from datamodules.batches import Batches, Share, ordered_batches, shuffled_batches
 
 
 class RecordingDataModule(LightningDataModule):
@@ -56,11 +56,13 @@ class RecordingDataModule(LightningDataModule):
 
     def train_dataloader(self) -> Batches:
         """Return shuffled (windows, fitted values)."""
-        return shuffled_batches((self.windows, self.fitted), self.batch, self.seed)
+        tensors = self.windows, self.fitted
+        return shuffled_batches(tensors, self.batch, self.seed, Share.of(self.trainer))
 
     def val_dataloader(self) -> Batches:
         """Return (windows, fitted values, validated values) in order of time."""
-        return ordered_batches((self.windows, self.fitted, self.validated.float()), self.batch)
+        tensors = self.windows, self.fitted, self.validated.float()
+        return ordered_batches(tensors, self.batch, Share.of(self.trainer))
 
 
 class EpisodesDataModule(RecordingDataModule):

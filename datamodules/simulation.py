@@ -12,7 +12,7 @@ from dashred.models.lag_windows import windows
 from dashred.models.pod import POD
 from dashred.models.scaler import Scaler
 from dashred.physics.runs.ensemble import Ensemble
-from datamodules.batches import Batches, ordered_batches, shuffled_batches
+from datamodules.batches import Batches, Share, ordered_batches, shuffled_batches
 
 VALIDATION_BATCH = 1024
 LAST_REPEATS = 2
@@ -104,12 +104,13 @@ class SimulationDataModule(LightningDataModule):
         at = (ends[:, None] + torch.arange(-half, 1)).clamp(min=0)
         repeated = (self.lags - ends).clamp(min=0).repeat(len(sequences))
         tensors = _flat(sequences[:, ends]), _flat(coefficients[:, at]), repeated
-        return shuffled_batches(tensors, self.batch, self.seed)
+        return shuffled_batches(tensors, self.batch, self.seed, Share.of(self.trainer))
 
     def val_dataloader(self) -> Batches:
         """Return noisy windows and coefficients of the validation members."""
         noisy, coefficients = self.noisy_windows("validation"), self.coefficients("validation")
-        return ordered_batches((_flat(noisy), _flat(coefficients)), VALIDATION_BATCH)
+        tensors = _flat(noisy), _flat(coefficients)
+        return ordered_batches(tensors, VALIDATION_BATCH, Share.of(self.trainer))
 
 
 def _flat(values: Tensor) -> Tensor:

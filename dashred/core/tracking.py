@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from typing import Any, Protocol
+
+# Logs one point of each curve: ``log(metrics, step)``.
+Log = Callable[[Mapping[str, float], int], None]
 
 
 class StageTracker(Protocol):

@@ -9,6 +9,7 @@ from torch import Tensor, nn
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.models.shred import SHRED
+from dashred.models.validation_error import log_rmse, log_squares
 
 
 class LatentTransform(nn.Module):
@@ -92,8 +93,15 @@ class Assimilation(LightningModule):
         innovation = _innovation(fitted, self.fit_operator(self.shred.decode(moved)))
         misfit = _mean_square(innovation / self.noise)
         loss = misfit + self.penalty * (moved - latent).square().mean()
-        self.log("loss/train", loss, on_step=False, on_epoch=True, batch_size=len(windows))
-        self.log("loss/misfit", misfit, on_step=False, on_epoch=True, batch_size=len(windows))
+        for name, value in {"loss/train": loss, "loss/misfit": misfit}.items():
+            self.log(
+                name,
+                value,
+                on_step=False,
+                on_epoch=True,
+                batch_size=len(windows),
+                sync_dist=True,
+            )
         return loss
 
     def validation_step(self, batch: tuple[Tensor, Tensor, Tensor], index: int) -> None:
@@ -106,17 +114,13 @@ class Assimilation(LightningModule):
         }
         for name, (values, operator, scale) in pairs.items():
             innovation = _innovation(values, operator(field)) / scale
-            weight = int((~innovation.isnan()).sum())
-            if weight:
-                error = _mean_square(innovation)
-                self.log(f"mse/sensors_{name}", error, on_epoch=True, batch_size=weight)
+            known = int((~innovation.isnan()).sum())
+            log_squares(self, f"sensors_{name}", _mean_square(innovation), known)
 
     def on_validation_epoch_end(self) -> None:
         """Log the RMSEs, in units of each trace's std."""
         for name in ("fit", "validate"):
-            error = self.trainer.callback_metrics.get(f"mse/sensors_{name}")
-            if error is not None:
-                self.log(f"rmse/sensors_{name}", error.sqrt())
+            log_rmse(self, f"sensors_{name}")
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
         """Return Adam on the transform, and on the LSTM if ``encoder_rate`` > 0."""

@@ -9,6 +9,7 @@ from lightning.pytorch.utilities.types import OptimizerLRScheduler
 from torch import Tensor
 
 from dashred.models.shred import SHRED
+from dashred.models.validation_error import log_rmse, log_squares
 
 Sequences = tuple[
     Float[Tensor, "batch time sensor"], Float[Tensor, "batch target mode"], Int[Tensor, " batch"]
@@ -38,25 +39,29 @@ class SimulationTraining(LightningModule):
         self.rate, self.steps = rate, steps
         self.register_buffer("noise", noise)
 
+    def on_fit_start(self) -> None:
+        """Give each further process noise of its own."""
+        if self.global_rank > 0:
+            torch.manual_seed(torch.initial_seed() + self.global_rank)
+
     def training_step(self, batch: Sequences, index: int) -> Tensor:
         """Return the loss of one batch of sequences, over the samples that have targets."""
         sequences, targets, repeated = batch
         noisy = sequences + self.noise * _share_noise(torch.randn_like(sequences), repeated)
         latent = self.shred.encode_sequence(noisy)[:, -targets.shape[1] :]
         loss = self.squared_error(latent, targets).mean()
-        self.log("loss/train", loss, on_step=False, on_epoch=True)
+        self.log("loss/train", loss, on_step=False, on_epoch=True, sync_dist=True)
         return loss
 
     def validation_step(self, batch: Windows, index: int) -> None:
         """Log the RMSE of the field on held-out members, in units of each field's std."""
         windows, coefficients = batch
         error = self.squared_error(self.shred.encode(windows), coefficients).mean()
-        self.log("mse/field_members", error, on_epoch=True, batch_size=len(windows))
+        log_squares(self, "field_members", error, len(windows))
 
     def on_validation_epoch_end(self) -> None:
         """Log the RMSE, which early stopping monitors."""
-        error = self.trainer.callback_metrics["mse/field_members"]
-        self.log("rmse/field_members", error.sqrt())
+        log_rmse(self, "field_members")
 
     def squared_error(
         self, latent: Float[Tensor, "*batch latent"], coefficients: Float[Tensor, "*batch mode"]

@@ -95,7 +95,7 @@ def test_a_metric_that_is_not_logged_leaves_the_last_state():
 
 def test_curves_are_by_epoch_from_the_state_before_training():
     child, parent = Logged(), Logged()
-    curves = RMSECurves(child, parent, "assimilate")  # type: ignore[arg-type]
+    curves = RMSECurves(child.log_metrics, parent.log_metrics, "assimilate")
     run([5.0, 3.0, 1.0], curves)
     assert child.curve("rmse/x") == {0: 5.0, 1: 3.0, 2: 1.0}
     assert child.curve("loss/train") == {1: 10.0, 2: 9.0}

@@ -76,7 +76,7 @@ def test_coefficients_reach_the_store_by_epoch(setting, tmp_path):
     problem = replace(problem, settings=replace(problem.settings, every=2))
     with Tracker.open(str(tmp_path / "mlruns"), "ring", "run") as parent:
         with parent.child("assimilate") as child:
-            callback = LatentDiscovery(problem, child, parent)
+            callback = LatentDiscovery(problem, child.log_metrics, parent.log_metrics)
             fitted(module, data, callback, 4)
             final = callback.finish(module)
         client = parent._store.client
@@ -100,18 +100,15 @@ def test_coefficients_reach_the_store_by_epoch(setting, tmp_path):
                 assert {point.step for point in headline} == ({5} if first else set())
 
 
-class Deaf:
-    """A run that ignores all metrics."""
-
-    def log_metrics(self, metrics, step):
-        """Ignore the metrics."""
+def deaf(metrics, step):
+    """Ignore the metrics."""
 
 
 def test_latent_sindy_leaves_the_training_as_it_is(setting):
     """Neither its copy in float64 nor its random draws change the module."""
     module, _, problem = setting
     before = {name: value.clone() for name, value in module.state_dict().items()}
-    callback = LatentDiscovery(problem, Deaf(), Deaf())  # type: ignore[arg-type]
+    callback = LatentDiscovery(problem, deaf, deaf)
     drawn = torch.get_rng_state()
     first = callback.finish(module)
     assert torch.equal(torch.get_rng_state(), drawn)

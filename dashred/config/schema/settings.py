@@ -8,7 +8,7 @@ of time, unless a key states another. A number may be written as arithmetic, suc
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 from dashred.config.schema.recording import Recording, Splits
 from dashred.core.limits import Count, Limit, NonNegative, Positive, Time, Unit
@@ -154,6 +154,26 @@ class Surrogate:
 
 
 @dataclass
+class Trainer:
+    """Where and how Lightning trains the networks. The law is fitted in float64 in any case."""
+
+    accelerator: Literal["cpu", "gpu"] | None
+    """Kind of device of the networks; null takes the one of the key device."""
+
+    devices: Count | None
+    """Number of processes that share each batch, one for each GPU or CPU; null trains on one device
+    in the process of the analysis."""
+
+    strategy: str | None
+    """Strategy of Lightning; null takes ``ddp_spawn`` for several devices. The others start the
+    whole analysis once for each device, or copy it while it runs."""
+
+    precision: Literal["32-true", "bf16-mixed", "16-mixed"] | None
+    """Precision in which SHRED is trained on simulations; null takes 32-true. The assimilation is
+    trained in float32."""
+
+
+@dataclass
 class Tracking:
     """The MLflow store of the run."""
 
@@ -194,6 +214,7 @@ class Settings:
     latent_sindy: LatentSindy
     discovery: Discovery
     surrogate: Surrogate
+    trainer: Trainer
 
     budget: Annotated[Positive, Unit("seconds")] | None
     """Time that an analysis may take, to a tenth. What it does not suffice for is left out and

@@ -18,7 +18,7 @@ from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.models.assimilation import AssimilatedEncoder, Assimilation
 from dashred.models.shred import SHRED, reconstruct
 from dashred.physics.runs.ensemble import term_scales
-from dashred.pipeline.networks.training import make_trainer
+from dashred.pipeline.networks.fitting import fitting
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.simulation.program_cost import follows_segments
@@ -124,24 +124,25 @@ def fit_transform(
     before = reconstruct(shred.encode, shred, data.windows)
     with run.child("assimilate") as child, stage("assimilate, latent SINDy", seconds) as report:
         child.log_terms([str(term) for term in problem.library])
-        curves = RMSECurves(child, run, "assimilate")
+        place = fitting(problem.config)
+        logs = place.accept(child.log_metrics), place.accept(run.log_metrics)
+        curves, discovery = RMSECurves(*logs, "assimilate"), LatentDiscovery(latent, *logs)
         best, limit = BestState(METRIC, settings.gain), TimeLimit(problem.deadline("assimilate"))
-        discovery = LatentDiscovery(latent, child, run)
         # Latent SINDy simulates in every epoch.
         proposes = not follows_segments(problem)
-        trainer = make_trainer(
-            problem.config,
+        place.fit(
+            module,
+            data,
             [
                 curves,
                 best,
                 limit,
                 *([discovery] if proposes else []),
                 EarlyStopping(METRIC, patience=settings.patience),
-                StageProgress(report, METRIC, "RMSE on validation sensors"),
+                StageProgress(place.accept(report), METRIC, "RMSE on validation sensors"),
             ],
-            settings.epochs,
+            max_epochs=settings.epochs,
         )
-        trainer.fit(module, data)
         module = module.cpu()
         proposals = discovery.finish(module) if proposes else {}
         report(1.0, f"best after {best.best_epoch} epochs, RMSE {best.best:.3f} on validation")

@@ -8,18 +8,17 @@ from dataclasses import dataclass
 
 import lightning
 import torch
-from lightning import Trainer
-from lightning.pytorch.callbacks import Callback, EarlyStopping
+from lightning.pytorch.callbacks import EarlyStopping
 from torch import Tensor
 
 from callbacks import BestState, RMSECurves, StageProgress, TimeLimit
-from dashred.config import Config
 from dashred.core.progress import stage
 from dashred.core.tracking import RunTracker
 from dashred.models.network_size import network_size
 from dashred.models.shred import SHRED
 from dashred.models.simulation_training import SimulationTraining
 from dashred.physics.runs.ensemble import Ensemble
+from dashred.pipeline.networks.fitting import fitting
 from dashred.pipeline.problem import Problem
 from datamodules import SimulationDataModule
 
@@ -114,21 +113,23 @@ def train_shred(
     module = SimulationTraining(shred, data.noise.float(), cells, settings.rate, steps)
     slug = name.lower().replace(" ", "_")
     with run.child(slug) as child, stage(f"train {name}", seconds) as report:
-        curves = RMSECurves(child, run, slug)
+        place = fitting(problem.config)
+        curves = RMSECurves(place.accept(child.log_metrics), place.accept(run.log_metrics), slug)
         best, limit = BestState(METRIC), TimeLimit(problem.deadline(f"train {name}"))
-        trainer = make_trainer(
-            problem.config,
+        place.fit(
+            module,
+            data,
             [
                 curves,
                 best,
                 limit,
                 EarlyStopping(METRIC, patience=settings.patience),
-                StageProgress(report, METRIC, "field RMSE on held-out members"),
+                StageProgress(place.accept(report), METRIC, "field RMSE on held-out members"),
             ],
-            size.epochs,
-            settings.steps,
+            max_epochs=size.epochs,
+            limit_train_batches=settings.steps,
+            precision=problem.config.trainer.precision,
         )
-        trainer.fit(module, data)
         shred = module.shred.cpu()
         test_rmse = _test(shred, data, problem.system.fields)
         child.log_metrics({f"test/{k}": v for k, v in test_rmse.items()}, best.best_epoch)
@@ -136,24 +137,6 @@ def train_shred(
     if limit.ended_at is not None:
         problem.budget.leave_out(f"epochs {limit.ended_at + 1} to {size.epochs} of {name}")
     return TrainedNetwork(shred, test_rmse, data.pod.scale, curves.history)
-
-
-def make_trainer(
-    config: Config, callbacks: list[Callback], epochs: int, steps: int | float = 1.0
-) -> Trainer:
-    """Return a Lightning trainer that logs through the given callbacks only."""
-    return Trainer(
-        accelerator="gpu" if config.device.startswith("cuda") else "cpu",
-        devices=[int(config.device.partition(":")[2] or 0)] if "cuda" in config.device else 1,
-        max_epochs=epochs,
-        limit_train_batches=steps,
-        num_sanity_val_steps=-1,
-        callbacks=callbacks,
-        logger=False,
-        enable_checkpointing=False,
-        enable_progress_bar=False,
-        enable_model_summary=False,
-    )
 
 
 @torch.no_grad()

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import logging
 import platform
 import subprocess
-import warnings
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-
-import torch
-from threadpoolctl import threadpool_limits
 
 from dashred.config import Config
 from dashred.config.bundled_systems import IS_INSTALLED, PACKAGE
@@ -18,9 +13,9 @@ from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.findings import sha256_of, write_json_atomic
 from dashred.core.findings.schema import Findings
 from dashred.core.mlflow.tracker import Tracker
-from dashred.core.threads import use_threads
 from dashred.core.work import work_done
 from dashred.models.device import check_device
+from dashred.models.torch_setup import set_up_torch
 from dashred.pipeline.run.output_dir import results_in
 from dashred.pipeline.run.run_manifest import FROZEN
 from dashred.reporting.text.summary import print_summary, summary
@@ -32,18 +27,7 @@ def prepare_torch(config: Config) -> None:
     Raises:
         InputError: the machine does not have the device.
     """
-    use_threads(config.threads)
-    # The arrays are too small for several threads: on a busy machine the threads of torch and of
-    # NumPy's linear algebra would mostly wait for each other. Moreover, with several threads the
-    # batched LU of matrices larger than 150 is wrong in torch 2.13 with MKL 2024.2: one of 200 was
-    # off by 1e14 without an error, or the call hung.
-    torch.set_num_threads(1)
-    threadpool_limits(1)
-    torch.use_deterministic_algorithms(True, warn_only=True)
-    # Lightning prints tips and notes about GPUs that do not concern the user.
-    logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)
-    # Lightning uses a class that torch deprecates; the user cannot do anything about it.
-    warnings.filterwarnings("ignore", message=".*LeafSpec.*", category=FutureWarning)
+    set_up_torch(config.threads)
     check_device(config)
 
 
