@@ -16,9 +16,9 @@ from dashred.evaluation.foreign.peers.shooting.flow import Flow
 from dashred.physics.system import Term
 
 STEPS_PER_SAMPLE = 3
-# Prior std of a coefficient, relative to the tendency of its equation: of all terms together, and
-# of those alone that the first estimate has.
-WIDTH, WIDTH_OF_FEW = 0.2, 1.0
+# Prior std of a coefficient, relative to the tendency of its equation. With a wider prior most
+# members blow up.
+WIDTH = 0.2
 # Probability that any term of the law is spurious.
 SIGNIFICANCE = 0.05
 
@@ -29,18 +29,17 @@ class Ensemble:
     Args:
         given: readings and simulator.
         library: the terms.
-        width: prior std of a coefficient, relative to the tendency of its equation.
 
     Attributes:
         mean: of the prior, ``(field + term,)``.
         std: of the prior, ``(field + term,)``.
     """
 
-    def __init__(self, given: Measured, library: Sequence[Term], width: float) -> None:
+    def __init__(self, given: Measured, library: Sequence[Term]) -> None:
         self.flow = Flow(given.system, library, given.scale, STEPS_PER_SAMPLE)
         scale = self.flow.coefficient_scale(given.first_states, given.times)
         self.mean = np.concatenate([given.start, np.zeros(len(scale))])
-        self.std = np.concatenate([given.spread, width * scale])
+        self.std = np.concatenate([given.spread, WIDTH * scale])
         self.fields = len(given.start)
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
@@ -80,18 +79,18 @@ class Estimate(NamedTuple):
 def law_of(given: Measured, estimate: Callable[[Measured, Ensemble], Estimate]) -> list[TermEntry]:
     """Return the law of a method: the terms that differ from zero, estimated again alone.
 
-    A wide prior of all terms makes most members blow up, and a narrow one makes the coefficients
-    too small. So the first prior is narrow, and that of the few terms is wide.
+    The narrow prior makes the coefficients of terms that resemble each other too small. Those of
+    the few terms are estimated without the others.
 
     Raises:
         NoAnswerError: the last estimate does not fit, or a coefficient is not finite.
     """
     few = given.library
-    found = estimate(given, Ensemble(given, few, WIDTH))
+    found = estimate(given, Ensemble(given, few))
     chosen = _significant(found)
     if chosen:
         few = [few[j] for j in chosen]
-        found = estimate(given, Ensemble(given, few, WIDTH_OF_FEW))
+        found = estimate(given, Ensemble(given, few))
         chosen = _significant(found)
     check_fit(found.misfit)
     return [
