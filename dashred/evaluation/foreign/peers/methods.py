@@ -48,7 +48,7 @@ PEERS: dict[str, Method] = {
     "ensemble_sindy": Method("PySINDy, ensemble", "full state", ("pysindy",)),
     "weak_pde": Method("PDE-FIND, weak form", "full state", ("pysindy",)),
     "pde_find": Method("PDE-FIND", "full state", ("pysindy",)),
-    "oracle": Method("SciPy least squares, multiple shooting", "form", ("scipy",)),
+    "oracle": Method("oracle: least squares by SciPy", "form", ("scipy",)),
 }
 # By the number of axes.
 ASKED: dict[int, tuple[str, ...]] = {

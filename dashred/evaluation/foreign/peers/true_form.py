@@ -20,10 +20,9 @@ def write_true_form(folder: Path, truth: Truth) -> None:
 
 
 def read_true_form(folder: Path, system: System) -> list[Term]:
-    """Read the true terms; the summands of one are terms of their own."""
+    """Read the true terms; each has one coefficient."""
     stored = json.loads((folder / FORM).read_text(encoding="utf-8"))["terms"]
     return [
-        Term(equation, algebra.split_coefficient(summand)[1])
+        Term(equation, algebra.split_coefficient(system.parse(text, FORM, equation=equation))[1])
         for equation, text in stored
-        for summand in algebra.summands(system.parse(text, FORM, equation=equation))
     ]

@@ -32,7 +32,7 @@ def test_the_ensemble_smoother_has_no_answer_where_members_blow_up_or_do_not_fit
 @pytest.mark.slow
 def test_the_iterative_smoother_finds_the_term_of_a_chaotic_system() -> None:
     pytest.importorskip("dapper")
-    [term] = smooth_iteratively(first_samples(lorenz("xz"), 100))
+    [term] = smooth_iteratively(first_samples(lorenz(), 100))
     assert (term["equation"], term["term"]) == ("y", "x*z")
     assert term["coefficient"] == pytest.approx(-1.0, rel=0.05)
 
