@@ -40,12 +40,15 @@ def joint_state_and_law(given: Measured) -> list[TermEntry]:
     while terms:
         least_needed = _least_needed(point)
         terms = [term for j, term in enumerate(terms) if j != least_needed]
-        point = JointFit(given, terms).minimise(
-            point.states,
-            np.delete(point.coefficients, least_needed),
-            VIOLATIONS[-1],
-            ITERATIONS_AFTER_REMOVAL,
-        )
+        try:
+            point = JointFit(given, terms).minimise(
+                point.states,
+                np.delete(point.coefficients, least_needed),
+                VIOLATIONS[-1],
+                ITERATIONS_AFTER_REMOVAL,
+            )
+        except ArithmeticError:  # Without the term the states run away: it cannot be removed.
+            break
         criterion = point.cost + penalty * len(terms)
         if criterion < least:
             kept, best, least = terms, point, criterion
