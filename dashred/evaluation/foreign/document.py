@@ -15,14 +15,15 @@ from dashred.core.templates import render
 from dashred.evaluation.foreign.arguments import Request
 from dashred.evaluation.foreign.cases.case import COLLECTIONS
 from dashred.evaluation.foreign.draw_file import DRAW, Draw, read_draw
-from dashred.evaluation.foreign.peers.methods import PEERS
 from dashred.evaluation.foreign.rows import Row, read_rows
 from dashred.evaluation.foreign.tables import (
     detail_table,
     failure_table,
     outcome_table,
     overview,
-    peer_table,
+    peer_problems,
+    peer_tables,
+    peer_versions,
     seconds_table,
 )
 from dashred.pipeline.run.output_dir import make_output
@@ -32,7 +33,7 @@ Table = Callable[[Sequence[Row]], list[list[str]]]
 TABLES: dict[str, Table] = {
     "outcomes": outcome_table,
     "details": detail_table,
-    "peers": peer_table,
+    "peer_problems": peer_problems,
     "seconds": seconds_table,
     "failures": failure_table,
 }
@@ -67,7 +68,6 @@ def document(draws: Sequence[tuple[Draw, list[Row]]]) -> str:
     newest_first = draws[::-1]
     return render(
         TEMPLATE,
-        peers=["", "n", "dashred", *PEERS.values()],
         collections=list(COLLECTIONS.values()),
         overview=[
             overview(facts["name"], sum(facts["cases"].values()), rows)
@@ -84,6 +84,8 @@ def _section(facts: Draw, rows: list[Row]) -> dict[str, Any]:
         "planned": sum(facts["cases"].values()),
         "finished": len(rows),
         "packages": packages,
+        "peers": peer_tables(rows),
+        "peer_packages": peer_versions(rows),
         **{name: table(rows) for name, table in TABLES.items()},
     }
 

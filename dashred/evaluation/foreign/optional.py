@@ -9,7 +9,7 @@ from typing import Any
 from dashred.core.errors import InputError
 
 # Packages whose module has another name.
-PACKAGES = {"pde": "py-pde"}
+PACKAGES = {"iterative_ensemble_smoother": "iterative-ensemble-smoother", "pde": "py-pde"}
 HINT = 'pip install "dashred[evaluation]", in a checkout: pip install -e ".[evaluation]"'
 
 
@@ -24,7 +24,7 @@ def check_installed(*modules: str) -> None:
     if missing:
         verb = "is" if len(missing) == 1 else "are"
         raise InputError(
-            f"{' and '.join(missing)} {verb} needed to make these cases, and not installed",
+            f"{' and '.join(missing)} {verb} needed, and not installed",
             where="dashred evaluate foreign",
             hint=HINT,
         )

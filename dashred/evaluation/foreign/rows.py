@@ -21,12 +21,14 @@ class PeerRow(TypedDict):
         told: its law as text.
         seconds: wall-clock seconds of its process.
         problem: why it gave none.
+        versions: of the packages that it runs on; rows of early draws have none.
     """
 
     right: bool | None
     told: str
     seconds: float
     problem: str | None
+    versions: NotRequired[dict[str, str]]
 
 
 class Row(TypedDict):

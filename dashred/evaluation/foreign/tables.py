@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from statistics import median
+from typing import TypedDict
 
 from dashred.evaluation.foreign.cases.case import COLLECTIONS, KINDS
-from dashred.evaluation.foreign.peers.methods import PEERS
+from dashred.evaluation.foreign.peers.methods import GIVEN, PEERS
 from dashred.evaluation.foreign.rows import Row
 from dashred.evaluation.proof.scoring.statistics import Rate, median_of
 
@@ -75,16 +77,71 @@ def detail_table(rows: Rows) -> list[list[str]]:
     return lines
 
 
-def peer_table(rows: Rows) -> list[list[str]]:
-    """Return the share of right answers of each method on the cases that it was asked about."""
+class PeerTable(TypedDict):
+    """The methods that are given the same, and dashred on the same cases.
+
+    Attributes:
+        given: what they are given.
+        header: cells of the header.
+        lines: cells by line.
+    """
+
+    given: str
+    header: list[str]
+    lines: list[list[str]]
+
+
+def peer_tables(rows: Rows) -> list[PeerTable]:
+    """Return the shares of right answers of the methods, grouped by what they are given."""
+    tables = []
+    for given, title in GIVEN.items():
+        names = [
+            name
+            for name, method in PEERS.items()
+            if method.given == given and any(name in row["peers"] for row in rows)
+        ]
+        if names:
+            header = ["", "n", "dashred", *(PEERS[name].title for name in names)]
+            lines = [line for group in _groups(rows) for line in _peer_line(*group, names)]
+            tables.append(PeerTable(given=title, header=header, lines=lines))
+    return tables
+
+
+def _peer_line(name: str, rows: Rows, methods: Sequence[str]) -> Iterable[list[str]]:
+    """Yield the line of a group of rows, if any of the methods was asked about any."""
+    asked = [row for row in rows if any(method in row["peers"] for method in methods)]
+    if asked:
+        answers = [[row["peers"][m] for row in asked if m in row["peers"]] for m in methods]
+        shares = [str(Rate.of(peer["right"] is True for peer in each)) for each in answers]
+        yield [name, str(len(asked)), str(_rate(asked, "right")), *shares]
+
+
+def peer_problems(rows: Rows) -> list[list[str]]:
+    """Return how many answers each method gave, and why it gave none, the commonest reason."""
     lines = []
-    for name, chosen in _groups(rows):
-        asked = [row for row in chosen if row["peers"]]
+    for name, method in PEERS.items():
+        asked = [row["peers"][name] for row in rows if name in row["peers"]]
+        problems = Counter(peer["problem"] for peer in asked if peer["problem"])
         if asked:
-            answers = [[row["peers"][p] for row in asked if p in row["peers"]] for p in PEERS]
-            shares = [str(Rate.of(peer["right"] is True for peer in each)) for each in answers]
-            lines.append([name, str(len(asked)), str(_rate(asked, "right")), *shares])
+            reason = problems.most_common(1)[0][0] if problems else "–"
+            seconds = median(peer["seconds"] for peer in asked)
+            counts = [
+                sum(peer["right"] is verdict for peer in asked) for verdict in (True, False, None)
+            ]
+            title = f"{method.title} ({GIVEN[method.given]})"
+            lines.append([title, *map(str, counts), f"{seconds:.3g}", str(reason)])
     return lines
+
+
+def peer_versions(rows: Rows) -> str:
+    """Return the versions of the packages of the methods, as text."""
+    found = {
+        f"{package} {version}"
+        for row in rows
+        for peer in row["peers"].values()
+        for package, version in peer.get("versions", {}).items()
+    }
+    return ", ".join(sorted(found))
 
 
 def seconds_table(rows: Rows) -> list[list[str]]:

@@ -9,9 +9,16 @@ import pytest
 from dashred.core.errors import InputError
 from dashred.evaluation.foreign.document import document, read_stored, store_draw
 from dashred.evaluation.foreign.draw_file import Draw
+from dashred.evaluation.foreign.peers.methods import GIVEN
 from dashred.evaluation.foreign.rows import PeerRow, Row
 from dashred.evaluation.foreign.score_case import LARGEST_GAIN, gain
-from dashred.evaluation.foreign.tables import detail_table, outcome_table, peer_table, percentile
+from dashred.evaluation.foreign.tables import (
+    detail_table,
+    outcome_table,
+    peer_problems,
+    peer_tables,
+    percentile,
+)
 from tests.evaluation.foreign.invented import row
 
 
@@ -76,18 +83,37 @@ def test_gains_of_forecasts_are_told() -> None:
     assert "median of 2" in name and lines[name].startswith("25.2; 1/2")
 
 
-def test_peers_stand_beside_the_same_cases() -> None:
-    def peer(right: bool | None) -> PeerRow:
-        return PeerRow(right=right, told="", seconds=1.0, problem=None)
+def peer(right: bool | None, problem: str | None = None) -> PeerRow:
+    versions = {"scipy": "1.17.1"}
+    return PeerRow(right=right, told="", seconds=1.0, problem=problem, versions=versions)
 
-    rows = [
-        row("a", peers={"weak_sindy": peer(True), "filter": peer(None)}),
-        row("b", outcome="flagged", peers={"weak_sindy": peer(False), "filter": peer(None)}),
-        row("c"),
-    ]
-    name, asked, ours, weak, *_, filtered = peer_table(rows)[-1]
-    assert (name, asked) == ("all", "2")
-    assert ours.startswith("1/2") and weak.startswith("1/2") and filtered.startswith("0/2")
+
+PEER_ROWS = [
+    row("a", peers={"weak_sindy": peer(True), "filter": peer(None, "lost"), "oracle": peer(True)}),
+    row("b", outcome="flagged", peers={"weak_sindy": peer(False), "filter": peer(None, "lost")}),
+    row("c"),
+]
+
+
+def test_methods_that_are_given_the_same_stand_beside_the_same_cases() -> None:
+    tables = {table["given"]: table for table in peer_tables(PEER_ROWS)}
+    assert list(tables) == [GIVEN["past"], GIVEN["full state"], GIVEN["form"]]
+    full = tables[GIVEN["full state"]]
+    assert full["header"] == ["", "n", "dashred", "PySINDy, weak form"]
+    name, asked, ours, weak = full["lines"][-1]
+    assert (name, asked) == ("all", "2") and ours.startswith("1/2") and weak.startswith("1/2")
+    # The method that is told the true terms was asked about one case, and so dashred counts there.
+    _, asked, ours, best = tables[GIVEN["form"]]["lines"][-1]
+    assert asked == "1" and ours.startswith("1/1") and best.startswith("1/1")
+
+
+def test_the_reason_for_no_answer_and_the_versions_are_told() -> None:
+    lines = {line[0]: line[1:] for line in peer_problems(PEER_ROWS)}
+    [filtered] = [cells for name, cells in lines.items() if "filter" in name]
+    assert filtered == ["0", "0", "2", "1", "lost"]
+    page = document([(facts("v1", 10), PEER_ROWS)])
+    assert f"Given {GIVEN['form']}:" in page and "Packages: scipy 1.17.1." in page
+    assert not re.search(r"\n\n\n", page)
 
 
 @pytest.mark.parametrize(("count", "expected"), [(1, 0), (20, 18), (100, 94), (40, 37)])

@@ -15,7 +15,8 @@ from dashred.core.job_control import last_line
 from dashred.evaluation.foreign.cases.case import Case, MadeCase
 from dashred.evaluation.foreign.cases.case_files import read_simulator, write_case
 from dashred.evaluation.foreign.peers.full_state import write_full_state
-from dashred.evaluation.foreign.peers.methods import ASKED, KINDS
+from dashred.evaluation.foreign.peers.methods import KINDS, asked_about, versions_of
+from dashred.evaluation.foreign.peers.true_form import write_true_form
 from dashred.evaluation.foreign.rows import PeerRow
 from dashred.evaluation.foreign.scoring.compare_law import is_exact
 
@@ -42,7 +43,9 @@ def ask_peers(case: Case, made: MadeCase, limit: float) -> dict[str, PeerRow]:
         write_full_state(
             folder, made.truth.times, made.truth.states, case.noise, case.analysis_seed
         )
-        return {method: _ask(method, folder, made, limit) for method in ASKED[axes]}
+        write_true_form(folder, made.truth)
+        asked = asked_about(axes, made.truth)
+        return {method: _ask(method, folder, made, limit) for method in asked}
 
 
 def _ask(method: str, folder: Path, made: MadeCase, limit: float) -> PeerRow:
@@ -57,15 +60,20 @@ def _ask(method: str, folder: Path, made: MadeCase, limit: float) -> PeerRow:
             timeout=limit,
         )
     except subprocess.TimeoutExpired:
-        return _no_answer(f"no answer within {limit:g} s", limit)
+        return _no_answer(method, f"no answer within {limit:g} s", limit)
     seconds = time.perf_counter() - began
     answer = folder / f"{method}.json"
     if ended.returncode or not answer.is_file():
         (folder / LOG).write_text(ended.stderr, encoding="utf-8")
-        return _no_answer(last_line(folder / LOG) or f"exit code {ended.returncode}", seconds)
+        problem = last_line(folder / LOG) or f"exit code {ended.returncode}"
+        return _no_answer(method, problem, seconds)
     terms = json.loads(answer.read_text(encoding="utf-8"))["terms"]
     return PeerRow(
-        right=_is_right(folder, terms, made), told=_told(terms), seconds=seconds, problem=None
+        right=_is_right(folder, terms, made),
+        told=_told(terms),
+        seconds=seconds,
+        problem=None,
+        versions=versions_of(method),
     )
 
 
@@ -80,5 +88,7 @@ def _told(terms: list[dict[str, Any]]) -> str:
     return "; ".join(shown) + (f"; {len(terms) - 6} more" if len(terms) > 6 else "")
 
 
-def _no_answer(problem: str, seconds: float) -> PeerRow:
-    return PeerRow(right=None, told="", seconds=seconds, problem=problem)
+def _no_answer(method: str, problem: str, seconds: float) -> PeerRow:
+    return PeerRow(
+        right=None, told="", seconds=seconds, problem=problem, versions=versions_of(method)
+    )

@@ -9,24 +9,43 @@ import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from dashred.core.errors import DONE, run_entry
+from dashred.core.errors import DONE, OUR_FAILURE, InputError, run_entry
 from dashred.core.findings.findings import write_json_atomic
 from dashred.evaluation.baselines.estimate import TermEntry
+from dashred.evaluation.foreign.peers.measured import NoAnswerError
 
 
 def main(argv: list[str]) -> int:
     """Run a method on the case in a folder."""
     method, folder = argv[0], Path(argv[1])
-    write_json_atomic(folder / f"{method}.json", {"terms": _methods()[method](folder)})
+    try:
+        terms = _methods()[method](folder)
+    except InputError:
+        raise
+    except Exception as error:  # The last line is the reason in the row of the method.
+        name = "" if isinstance(error, NoAnswerError) else f"{type(error).__name__}: "
+        print(f"{name}{error}", file=sys.stderr)
+        return OUR_FAILURE
+    write_json_atomic(folder / f"{method}.json", {"terms": terms})
     return DONE
 
 
 def _methods() -> Mapping[str, Callable[[Path], list[TermEntry]]]:
     from dashred.evaluation.foreign.peers import sindy
     from dashred.evaluation.foreign.peers.ensemble_filter import filter_with_coefficients
+    from dashred.evaluation.foreign.peers.ensemble_smoother import smooth_ensemble
     from dashred.evaluation.foreign.peers.full_field import full_field_pde_find
     from dashred.evaluation.foreign.peers.full_state import read_full_state
+    from dashred.evaluation.foreign.peers.iterative_smoother import smooth_iteratively
+    from dashred.evaluation.foreign.peers.measured import all_measured, read_measured
+    from dashred.evaluation.foreign.peers.shooting.oracle import fit_true_form
+    from dashred.evaluation.foreign.peers.shooting.term_removal import joint_state_and_law
+    from dashred.evaluation.foreign.peers.true_form import read_true_form
     from dashred.evaluation.foreign.peers.weak_pde import weak_pde
+
+    def oracle(folder: Path) -> list[TermEntry]:
+        given = read_measured(folder)
+        return fit_true_form(given, read_true_form(folder, given.system))
 
     return {
         "weak_sindy": lambda folder: sindy.weak_sindy(read_full_state(folder)),
@@ -34,6 +53,11 @@ def _methods() -> Mapping[str, Callable[[Path], list[TermEntry]]]:
         "pde_find": lambda folder: full_field_pde_find(read_full_state(folder)),
         "weak_pde": lambda folder: weak_pde(read_full_state(folder)),
         "filter": filter_with_coefficients,
+        "joint_full": lambda folder: joint_state_and_law(all_measured(read_full_state(folder))),
+        "joint_sensors": lambda folder: joint_state_and_law(read_measured(folder)),
+        "ensemble_smoother": lambda folder: smooth_ensemble(read_measured(folder)),
+        "iterative_smoother": lambda folder: smooth_iteratively(read_measured(folder)),
+        "oracle": oracle,
     }
 
 

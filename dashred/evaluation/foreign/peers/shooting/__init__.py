@@ -1,0 +1,1 @@
+"""Methods that fit trajectories to readings: the true form alone, and state and law together."""
