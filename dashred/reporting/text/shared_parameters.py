@@ -17,7 +17,7 @@ def shared_parameters(findings: Mapping[str, Any]) -> list[str]:
     Subjects or specimens differ. A law that all episodes share cannot express this.
     """
     source = findings["input"]
-    episodes = (source.get("splits") or {}).get("episodes") or ()
+    episodes = (source["splits"] or {}).get("episodes") or ()
     system = source["config"]["system"]
     names = list(system.get("parameters") or ())
     is_told = bool(system.get("parameter_per"))

@@ -10,7 +10,7 @@ from dashred.pipeline.run.run_tags import headline_metrics, note, short_verdict
 
 
 def findings(**known: Any) -> dict[str, Any]:
-    source: Any = {"config": {}, "seed": 0}
+    source: Any = {"config": {"system": {}}, "seed": 0, "splits": None}
     return dict(new_findings(source, **known))
 
 

@@ -32,11 +32,11 @@ def main(argv: list[str]) -> int:
 
 def _methods() -> Mapping[str, Callable[[Path], list[TermEntry]]]:
     from dashred.evaluation.foreign.peers import sindy
-    from dashred.evaluation.foreign.peers.ensemble_filter import filter_with_coefficients
-    from dashred.evaluation.foreign.peers.ensemble_smoother import smooth_ensemble
+    from dashred.evaluation.foreign.peers.ensembles.ensemble_filter import filter_with_coefficients
+    from dashred.evaluation.foreign.peers.ensembles.ensemble_smoother import smooth_ensemble
+    from dashred.evaluation.foreign.peers.ensembles.iterative_smoother import smooth_iteratively
     from dashred.evaluation.foreign.peers.full_field import full_field_pde_find
     from dashred.evaluation.foreign.peers.full_state import read_full_state
-    from dashred.evaluation.foreign.peers.iterative_smoother import smooth_iteratively
     from dashred.evaluation.foreign.peers.measured import all_measured, read_measured
     from dashred.evaluation.foreign.peers.shooting.oracle import fit_true_form
     from dashred.evaluation.foreign.peers.shooting.term_removal import joint_state_and_law

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from dashred.evaluation.foreign.peers.ensemble_smoother import smooth_ensemble
-from dashred.evaluation.foreign.peers.iterative_smoother import smooth_iteratively
+from dashred.evaluation.foreign.peers.ensembles.ensemble_smoother import smooth_ensemble
+from dashred.evaluation.foreign.peers.ensembles.iterative_smoother import smooth_iteratively
 from dashred.evaluation.foreign.peers.measured import Measured, NoAnswerError
 from tests.evaluation.foreign.peers.recordings import damped_oscillator, lorenz
 

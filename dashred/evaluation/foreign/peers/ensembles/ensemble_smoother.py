@@ -11,7 +11,7 @@ import numpy as np
 
 from dashred.evaluation.baselines.estimate import TermEntry
 from dashred.evaluation.foreign.optional import import_optional
-from dashred.evaluation.foreign.peers.ensemble import Ensemble, Estimate, law_of
+from dashred.evaluation.foreign.peers.ensembles.ensemble import Ensemble, Estimate, law_of
 from dashred.evaluation.foreign.peers.measured import Measured, NoAnswerError
 
 MEMBERS, LEAST_MEMBERS = 200, 50

@@ -17,7 +17,7 @@ import numpy as np
 from dashred.evaluation.baselines.estimate import TermEntry
 from dashred.evaluation.foreign.cases.case import Array
 from dashred.evaluation.foreign.optional import import_optional
-from dashred.evaluation.foreign.peers.ensemble import Ensemble, Estimate, law_of
+from dashred.evaluation.foreign.peers.ensembles.ensemble import Ensemble, Estimate, law_of
 from dashred.evaluation.foreign.peers.measured import Measured, NoAnswerError
 
 WINDOW, FINITE_SIZE, TOLERANCE = 4, 2.0, 1e-5

@@ -1,0 +1,1 @@
+"""Ensemble methods for systems of ordinary differential equations."""
