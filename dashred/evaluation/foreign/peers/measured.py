@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from dashred.config import load_config
+from dashred.evaluation.baselines.estimate import TermEntry
 from dashred.evaluation.foreign.cases.case import Array
 from dashred.evaluation.foreign.cases.case_files import CONFIG, RECORDING, read_simulator
 from dashred.evaluation.foreign.peers.full_state import FullState, read_full_state
@@ -34,6 +36,14 @@ def check_fit(misfit: float) -> None:
     """
     if not misfit <= WORST_FIT:
         raise NoAnswerError(f"the best fit leaves {misfit:.3g} times the variance of the noise")
+
+
+def entries_of(terms: Sequence[Term], coefficients: Array) -> list[TermEntry]:
+    """Return terms with their coefficients, ``(term,)``, as a law."""
+    return [
+        TermEntry(equation=term.equation, term=str(term), coefficient=float(value))
+        for term, value in zip(terms, coefficients, strict=True)
+    ]
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,12 @@ import numpy as np
 
 from dashred.evaluation.baselines.estimate import TermEntry
 from dashred.evaluation.foreign.cases.case import Array
-from dashred.evaluation.foreign.peers.measured import Measured, NoAnswerError, check_fit
+from dashred.evaluation.foreign.peers.measured import (
+    Measured,
+    NoAnswerError,
+    check_fit,
+    entries_of,
+)
 from dashred.evaluation.foreign.peers.shooting.flow import Flow
 from dashred.physics.system import Term
 
@@ -93,10 +98,7 @@ def law_of(given: Measured, estimate: Callable[[Measured, Ensemble], Estimate]) 
         found = estimate(given, Ensemble(given, few))
         chosen = _significant(found)
     check_fit(found.misfit)
-    return [
-        TermEntry(equation=few[j].equation, term=str(few[j]), coefficient=float(found.mean[j]))
-        for j in chosen
-    ]
+    return entries_of([few[j] for j in chosen], found.mean[chosen])
 
 
 def _significant(found: Estimate) -> list[int]:

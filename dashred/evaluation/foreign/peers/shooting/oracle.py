@@ -20,7 +20,7 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from dashred.evaluation.baselines.estimate import TermEntry
 from dashred.evaluation.foreign.cases.case import Array
-from dashred.evaluation.foreign.peers.measured import Measured, check_fit
+from dashred.evaluation.foreign.peers.measured import Measured, check_fit, entries_of
 from dashred.evaluation.foreign.peers.shooting.flow import Flow
 from dashred.physics.system import Term
 
@@ -58,10 +58,7 @@ def fit_true_form(given: Measured, form: Sequence[Term]) -> list[TermEntry]:
         if best < GOOD_FIT:
             break
     check_fit(best)
-    return [
-        TermEntry(equation=term.equation, term=str(term), coefficient=float(value))
-        for term, value in zip(form, coefficients, strict=True)
-    ]
+    return entries_of(form, coefficients)
 
 
 class TrueFormFit:

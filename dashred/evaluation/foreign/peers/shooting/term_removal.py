@@ -17,10 +17,8 @@ import numpy as np
 from scipy.linalg import LinAlgError
 
 from dashred.evaluation.baselines.estimate import TermEntry
-from dashred.evaluation.foreign.cases.case import Array
-from dashred.evaluation.foreign.peers.measured import Measured, check_fit
+from dashred.evaluation.foreign.peers.measured import Measured, check_fit, entries_of
 from dashred.evaluation.foreign.peers.shooting.joint_fit import VIOLATIONS, JointFit, Point
-from dashred.physics.system import Term
 
 ITERATIONS, ITERATIONS_AFTER_REMOVAL = 40, 6
 
@@ -53,7 +51,7 @@ def joint_state_and_law(given: Measured) -> list[TermEntry]:
         if criterion < least:
             kept, best, least = terms, point, criterion
     check_fit(best.cost / given.readings.size)
-    return _entries(kept, best.coefficients)
+    return entries_of(kept, best.coefficients)
 
 
 def _all_terms(given: Measured) -> Point:
@@ -77,10 +75,3 @@ def _least_needed(point: Point) -> int:
     except LinAlgError:
         needed = point.coefficients**2 * np.diag(point.own)
     return int(np.argmin(needed))
-
-
-def _entries(terms: list[Term], coefficients: Array) -> list[TermEntry]:
-    return [
-        TermEntry(equation=term.equation, term=str(term), coefficient=float(value))
-        for term, value in zip(terms, coefficients, strict=True)
-    ]
