@@ -125,12 +125,12 @@ class Grid:
 
     axes: tuple[Axis, ...]
 
-    @property
+    @cached_property
     def shape(self) -> tuple[int, ...]:
         """Number of points on the ring of each axis."""
         return tuple(axis.ring_points for axis in self.axes)
 
-    @property
+    @cached_property
     def dims(self) -> tuple[int, ...]:
         """Spatial dimensions of a tensor, counted from the end: ``(-2, -1)`` for two axes."""
         return tuple(range(-len(self.axes), 0))

@@ -137,7 +137,7 @@ def simulator_remarks(context: CheckContext, nominal: NominalRun) -> Iterator[Re
     if not (traces.std(dim=0) > ROUNDING * traces.abs().max()).any():
         yield warning("All simulated readings are constant", "check that the equations are written")
         return
-    yield from _seam_remarks(context)
+    yield from _seam_remarks(context, nominal)
     yield _resolution_remark(context, nominal, sensors, traces)
     yield from _library_remarks(context, nominal)
 
@@ -209,14 +209,13 @@ def _excluded_terms(excluded: Mapping[Term, str | Term]) -> Iterator[Remark]:
         yield Remark(f"The default term {term} of {term.equation} is excluded: {reason}")
 
 
-def _seam_remarks(context: CheckContext) -> Iterator[Remark]:
+def _seam_remarks(context: CheckContext, nominal: NominalRun) -> Iterator[Remark]:
     """Warn of fields whose nominal start jumps where a periodic axis closes."""
     system = context.system
-    start = nominal_start(system)[0]
     for dim, axis in enumerate(system.axes, start=1):
         if axis.ends != "periodic":
             continue
-        for name, values in zip(system.fields, start, strict=True):
+        for name, values in zip(system.fields, nominal.prior.centre, strict=True):
             steps = values.diff(dim=dim - 1).abs().amax()
             jump = (values.select(dim - 1, 0) - values.select(dim - 1, -1)).abs().amax()
             if float(jump) > SEAM_JUMP * float(steps):
