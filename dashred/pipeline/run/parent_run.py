@@ -41,7 +41,7 @@ def open_parent(
         InputError: another process is working on the run, or its manifest has changed.
     """
     tracking, experiment = config.tracking, experiment_of(config)
-    store = open_store(tracking.root, experiment)
+    store = open_store(tracking.root, experiment, tracking.artifacts)
     earlier = None if tracking.run else interrupted_run(store, read_pointer(named), manifest)
     with ExitStack() as stack:
         if run_id := tracking.run or earlier:
@@ -56,6 +56,7 @@ def open_parent(
                 run_name(config),
                 tracking.run,
                 parent=tracking.parent,
+                artifacts=tracking.artifacts,
             )
         )
         run = stack.enter_context(opened)
