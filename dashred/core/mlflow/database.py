@@ -99,6 +99,8 @@ def _refusal(error: Exception, root: str) -> InputError:
     text = first_line(error)
     # libpq: "connection to server at HOST, port N failed: FATAL:  password authentication failed"
     _, refused, reason = text.partition("FATAL:  ")
+    if "no password supplied" in text:
+        refused, reason = "refused", "it asks for a password"
     if not refused:
         hint = "start the server, or correct the address in tracking.root"
         return StoreUnreachableError(

@@ -26,16 +26,16 @@ class Requests:
     folder of this machine is not waited for.
 
     Args:
-        root: folder of the store, or its address.
+        uri: of the store.
         hint: how to go on after a request has failed.
 
     Attributes:
         gave_up: whether the run has waited in vain, and the store has not answered since.
     """
 
-    def __init__(self, root: str, hint: str) -> None:
+    def __init__(self, uri: str, hint: str) -> None:
         self.gave_up = False
-        self._root, self._hint = root, hint
+        self._uri, self._hint = uri, hint
         self._is_silent = False
 
     def send(self, request: Callable[[], Answer]) -> Answer:
@@ -76,7 +76,7 @@ class Requests:
 
     def _notice(self, error: Exception) -> bool:
         """Return whether a server does not answer; say so the first time."""
-        if not (is_server(self._root) and is_outage(error)):
+        if not (is_server(self._uri) and is_outage(error)):
             return False
         if not self._is_silent:
             text = f"  the MLflow store does not answer: {first_line(error)}"
@@ -86,4 +86,4 @@ class Requests:
 
     def _failure(self, error: Exception) -> ExternalServiceError:
         what = f"MLflow cannot use this store: {first_line(error)}"
-        return ExternalServiceError(f"{self._root}: {what}\n  {self._hint}")
+        return ExternalServiceError(f"{self._uri}: {what}\n  {self._hint}")

@@ -81,16 +81,16 @@ class Tracker(_EndingRun):
         """
         if run_id:
             # Another process has opened the store for this run, so it is waited for.
-            requests = _requests(root, run_id)
-            store = requests.send(lambda: open_store(root, experiment))
-            opened = requests.send(lambda: find_run(store, run_id))
+            opening = _requests(root, run_id)
+            store = opening.send(lambda: open_store(root, experiment))
+            opened = opening.send(lambda: find_run(store, run_id))
         else:
             store = open_store(root, experiment, artifacts)
             above = find_run(store, parent, key="tracking.parent") if parent else None
             tags = {"mlflow.parentRunId": above} if above else {}
             with mlflow_input_errors(store.uri):
                 opened = _create_run(store, run_name, tags)
-            requests = _requests(root, opened)
+        requests = _requests(store.uri, opened)
         with cls(store, opened, requests)._until_its_end(as_finished=not run_id) as run:
             yield run
 
@@ -103,7 +103,7 @@ class Tracker(_EndingRun):
             InputError: the store cannot be used, or has no such run.
         """
         store = open_store(root, experiment)
-        requests = _requests(root, run_id)
+        requests = _requests(store.uri, run_id)
         found = find_run(store, run_id)
         requests.send(lambda: store.client.update_run(found, "RUNNING"))
         with cls(store, run_id, requests)._until_its_end(as_finished=True) as run:
@@ -173,7 +173,7 @@ def _create_run(store: Store, name: str, tags: dict[str, str]) -> str:
     return str(run.info.run_id)
 
 
-def _requests(root: str, run_id: str) -> Requests:
-    place = f" tracking.root={root}" if is_server(root) else ""
+def _requests(uri: str, run_id: str) -> Requests:
+    place = f" tracking.root={uri}" if is_server(uri) else ""
     hint = f"when the store is available again, continue with resume={run_id}{place}"
-    return Requests(root, hint)
+    return Requests(uri, hint)
