@@ -27,7 +27,7 @@ def first_line(error: BaseException) -> str:
 def store_exceptions() -> tuple[type[Exception], ...]:
     """Return what MLflow raises: its own errors, and those of the packages that it connects with.
 
-    boto3 is optional. MLflow imports it when it first sends an artifact to a bucket.
+    boto3 and psycopg are optional, and imported only if a store needs them.
     """
     from mlflow.exceptions import MlflowException
     from requests.exceptions import RequestException
@@ -39,6 +39,10 @@ def store_exceptions() -> tuple[type[Exception], ...]:
         from botocore.exceptions import BotoCoreError, ClientError
 
         known = (*known, Boto3Error, BotoCoreError, ClientError)
+    if "psycopg" in sys.modules:
+        from psycopg import Error
+
+        known = (*known, Error)
     return (*known, StoreUnreachableError)
 
 
@@ -56,6 +60,8 @@ def _is_outage(error: BaseException) -> bool:
         return True
     if "botocore" in sys.modules and _is_outage_of_bucket(error):
         return True
+    if "psycopg" in sys.modules and _is_outage_of_database(error):
+        return True
     return "mlflow" in sys.modules and _is_outage_of_mlflow(error)
 
 
@@ -69,6 +75,12 @@ def _is_outage_of_mlflow(error: BaseException) -> bool:
     if isinstance(error, MlflowException):
         return error.error_code == "TEMPORARILY_UNAVAILABLE"
     return isinstance(error, ConnectionError | Timeout | InterfaceError | OperationalError)
+
+
+def _is_outage_of_database(error: BaseException) -> bool:
+    from psycopg import OperationalError
+
+    return isinstance(error, OperationalError)
 
 
 def _is_outage_of_bucket(error: BaseException) -> bool:

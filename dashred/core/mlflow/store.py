@@ -26,12 +26,13 @@ from dashred.core.mlflow.connection_errors import (
     is_outage,
     store_exceptions,
 )
+from dashred.core.mlflow.experiment import find_experiment
 from dashred.core.mlflow.server import open_server
 from dashred.core.mlflow.store_address import is_database, is_server
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
-    from mlflow.entities import Experiment, RunInfo
+    from mlflow.entities import RunInfo
 
 # MLflow reads these when it is imported, so they must be set before.
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
@@ -94,7 +95,7 @@ def open_store(root: str, experiment: str, artifacts: str | None = None) -> Stor
     place = folder / "artifacts"
     with _locked(folder), _quiet(), mlflow_input_errors(str(folder / "mlflow.db")):
         client = _local_client(folder)
-        found = _experiment(client, experiment, str(place))
+        found = find_experiment(client, experiment, str(place))
     return Store(client, _uri(folder), place, str(found.experiment_id))
 
 
@@ -102,10 +103,10 @@ def _open_remote(root: str, experiment: str, artifacts: str | None) -> Store:
     with _quiet(), mlflow_input_errors(root):
         if is_database(root):
             with database.opening(root, artifacts) as client:
-                found = _experiment(client, experiment, artifacts, must_exist=artifacts is None)
+                found = find_experiment(client, experiment, artifacts, must_exist=artifacts is None)
         else:
             client = open_server(root)
-            found = _experiment(client, experiment, None)
+            found = find_experiment(client, experiment, None)
     if is_bucket(found.artifact_location):
         check_bucket(found.artifact_location)
     return Store(client, root, state_folder("runs"), str(found.experiment_id), remote=True)
@@ -271,45 +272,3 @@ def _quiet() -> Iterator[None]:
             "ignore", message="The ``noload`` loader", category=DeprecationWarning
         )
         yield
-
-
-def _experiment(
-    client: "MlflowClient", name: str, artifacts: str | None, *, must_exist: bool = False
-) -> "Experiment":
-    """Return the experiment, which is created if it is missing.
-
-    Args:
-        client: of the store.
-        name: of the experiment.
-        artifacts: folder or bucket of its artifacts; None if the server chooses it, or if the
-            experiment has one.
-        must_exist: whether it is an error if the experiment is missing.
-    """
-    found = client.get_experiment_by_name(name)
-    if found is None and must_exist:
-        hint = "give the bucket of its artifacts: tracking.artifacts=s3://BUCKET/FOLDER"
-        raise InputError("this experiment is not in the database yet", where=name, hint=hint)
-    if found is None:
-        found = _create_experiment(client, name, artifacts)
-    hint = "choose another name with tracking.experiment=NAME"
-    if found.lifecycle_stage != "active":
-        raise InputError("this experiment was deleted in MLflow", where=name, hint=hint)
-    if artifacts is not None and found.artifact_location != artifacts:
-        what = f"the artifacts of this experiment are elsewhere: {found.artifact_location}"
-        moved = "the store was moved or created by another program"
-        raise InputError(what, where=name, hint=f"{moved}; {hint}")
-    return found
-
-
-def _create_experiment(client: "MlflowClient", name: str, artifacts: str | None) -> "Experiment":
-    from mlflow.exceptions import MlflowException
-
-    try:
-        return client.get_experiment(client.create_experiment(name, artifact_location=artifacts))
-    except MlflowException as error:
-        # On a server, another run may have created it since we asked.
-        if error.error_code != "RESOURCE_ALREADY_EXISTS":
-            raise
-        found = client.get_experiment_by_name(name)
-        assert found is not None
-        return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from dashred.core.mlflow.database import mlflow_uri
 from dashred.core.mlflow.tracker import Tracker
 from dashred.core.system_errors import ExternalServiceError
 from tests.conftest import CHECKOUT, Ended
+from tests.documents import snippets
 from tests.open_together import OPEN_TOGETHER
 from tests.servers import BUCKET, Bucket, Postgres, free_ports, wait_for_health
 
@@ -67,10 +69,23 @@ def user(postgres: Postgres, bucket: Bucket) -> Iterator[None]:
         yield
 
 
+def documented(sign: str, *changes: tuple[str, str]) -> list[str]:
+    """Return the words of the command of docs/mlflow.md with a sign, with the addresses changed."""
+    lines = "".join(snippets(CHECKOUT / "docs" / "mlflow.md", "sh")).splitlines()
+    [line] = [line for line in lines if sign in line]
+    for shown, here in changes:
+        assert shown in line
+        line = line.replace(shown, here)
+    return shlex.split(line)
+
+
 @pytest.fixture(scope="module")
 def store(postgres: Postgres, bucket: Bucket) -> list[str]:
     """The words of a command that name both."""
-    return [f"tracking.root={postgres.address}", f"tracking.artifacts={ARTIFACTS}"]
+    changes = ("db.example", f"127.0.0.1:{postgres.port}")
+    words = documented("tracking.artifacts=", changes)
+    assert words[3:] == [f"tracking.root={postgres.address}", f"tracking.artifacts={ARTIFACTS}"]
+    return words[3:]
 
 
 def train(*words: str, program: str | None = None) -> subprocess.Popen[str]:
@@ -373,9 +388,10 @@ def test_a_server_in_front_of_both(
     """The server alone has the passwords."""
     [port] = free_ports(1)
     url, address = f"http://127.0.0.1:{port}", postgres.new_database()
-    command = [sys.executable, "-m", "mlflow", "server", "--host", "127.0.0.1", "--port", str(port)]
-    command += ["--workers", "1", "--backend-store-uri", mlflow_uri(address)]
-    command += ["--artifacts-destination", f"s3://{BUCKET}/proxied"]
+    changes = [("0.0.0.0", "127.0.0.1"), ("mlflow.example", "127.0.0.1"), ("5000", str(port))]
+    changes += [("team@db.example/mlflow", address.removeprefix("postgresql://"))]
+    command = [sys.executable, "-m", *documented("--artifacts-destination", *changes)]
+    command += ["--workers", "1"]
     secret = ("PGPASSWORD", "AWS_SECRET_ACCESS_KEY", "AWS_ACCESS_KEY_ID", "MLFLOW_S3_ENDPOINT_URL")
     output = tmp_path / "output"
     with (tmp_path / "log").open("wb") as log:
@@ -397,5 +413,5 @@ def test_a_server_in_front_of_both(
     client = client_of(address)
     assert curves(client, run_id) == undisturbed(twin_run)
     experiment = client.get_run(run_id).info.experiment_id
-    stored = bucket.objects()[f"proxied/{experiment}/{run_id}/artifacts/findings.json"]
+    stored = bucket.objects()[f"served/{experiment}/{run_id}/artifacts/findings.json"]
     assert stored == twin_run.read("findings.json")
