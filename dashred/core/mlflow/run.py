@@ -21,6 +21,8 @@ METRIC_BATCH, BATCH = 1000, 100
 PARAM_LENGTH, TAG_LENGTH = 6000, 8000
 # Seconds between requests that send metrics: each of them waits for the disk or the network.
 SEND_EVERY = 5.0
+# The same while a server does not answer: each attempt may hold the run up for seconds.
+RETRY_EVERY = 60.0
 
 # MLflow shows the text of this tag at the top of the page of a run or experiment.
 NOTE = "mlflow.note.content"
@@ -40,7 +42,7 @@ class MlflowRun:
         # Points that an interrupted attempt has logged are not logged twice.
         self._known_points = self._known_metrics()
         self._waiting: list[Any] = []
-        self._sent = -math.inf
+        self._send_at = -math.inf
 
     @property
     def uri(self) -> str:
@@ -84,9 +86,9 @@ class MlflowRun:
             for key, value in points.items()
             if (step, value) not in self._logged(key)
         ]
-        if time.monotonic() >= self._sent + SEND_EVERY:
-            self._requests.attempt(self._send_waiting)
-            self._sent = time.monotonic()
+        if time.monotonic() >= self._send_at:
+            answers = self._requests.attempt(self._send_waiting)
+            self._send_at = time.monotonic() + (SEND_EVERY if answers else RETRY_EVERY)
 
     def send_metrics(self) -> None:
         """Send the points that are waiting."""

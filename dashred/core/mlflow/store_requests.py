@@ -45,19 +45,19 @@ class Requests:
             ExternalServiceError: the store refuses the request, or has not answered for minutes.
         """
         until = time.monotonic() + PATIENCE
-        for pause in chain(PAUSES, repeat(LAST_PAUSE)):
+        pauses = chain(PAUSES, repeat(LAST_PAUSE))
+        while True:
             try:
                 return self._answered(request())
             except store_exceptions() as error:
-                waits = self._notice(error) and not self.gave_up
+                pause, waits = next(pauses), self._notice(error) and not self.gave_up
                 if not waits or time.monotonic() + pause > until:
                     self.gave_up = waits or self.gave_up
                     raise self._failure(error) from error
             time.sleep(pause)
-        raise AssertionError("unreachable")
 
-    def attempt(self, request: Callable[[], None]) -> None:
-        """Send a request that is repeated later if a server does not answer now.
+    def attempt(self, request: Callable[[], None]) -> bool:
+        """Send a request, which may be repeated later; return whether it was answered.
 
         Raises:
             ExternalServiceError: the store refuses the request.
@@ -67,6 +67,8 @@ class Requests:
         except store_exceptions() as error:
             if not self._notice(error):
                 raise self._failure(error) from error
+            return False
+        return True
 
     def _answered(self, answer: Answer) -> Answer:
         if self._is_silent:
@@ -80,7 +82,7 @@ class Requests:
             return False
         if not self._is_silent:
             text = f"  the MLflow store does not answer: {first_line(error)}"
-            say(f"{text}\n    the run goes on; where it needs the store it waits {PATIENCE:.0f} s")
+            say(f"{text}\n    the run goes on, and waits {PATIENCE:.0f} s where it needs an answer")
         self._is_silent = True
         return True
 

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -382,8 +383,23 @@ def test_a_store_that_cannot_be_used_is_refused_at_once(
     assert "wr0ng" not in ended.stderr and not (tmp_path / "output").exists()
 
 
-def test_a_server_in_front_of_both(
-    postgres: Postgres, bucket: Bucket, quick: Path, twin_run: Ended, tmp_path: Path
+@contextmanager
+def serving(command: list[str], url: str, folder: Path) -> Iterator[None]:
+    """Run an MLflow server for the length of a block."""
+    with (folder / "log").open("ab") as log:
+        server = subprocess.Popen(
+            command, cwd=folder, stdout=log, stderr=log, start_new_session=True
+        )
+        try:
+            wait_for_health(url, server)
+            yield
+        finally:
+            os.killpg(server.pid, signal.SIGKILL)
+            server.wait()
+
+
+def test_a_server_in_front_of_both_is_killed_and_started_again(
+    analysis: list[str], postgres: Postgres, bucket: Bucket, twin_run: Ended, tmp_path: Path
 ) -> None:
     """The server alone has the passwords."""
     [port] = free_ports(1)
@@ -392,25 +408,18 @@ def test_a_server_in_front_of_both(
     changes += [("team@db.example/mlflow", address.removeprefix("postgresql://"))]
     command = [sys.executable, "-m", *documented("--artifacts-destination", *changes)]
     command += ["--workers", "1"]
-    secret = ("PGPASSWORD", "AWS_SECRET_ACCESS_KEY", "AWS_ACCESS_KEY_ID", "MLFLOW_S3_ENDPOINT_URL")
-    output = tmp_path / "output"
-    with (tmp_path / "log").open("wb") as log:
-        server = subprocess.Popen(
-            command, cwd=tmp_path, stdout=log, stderr=log, start_new_session=True
-        )
-        try:
-            wait_for_health(url, server)
-            with pytest.MonkeyPatch.context() as patch:
-                for name in secret:
-                    patch.delenv(name)
-                run = train(f"conf={quick}", f"output={output}", f"tracking.root={url}")
-                said, _ = run.communicate()
-        finally:
-            os.killpg(server.pid, signal.SIGTERM)
-            server.wait()
-    assert run.returncode == 0, said
-    run_id = run_of(output)
-    client = client_of(address)
+    words = [*analysis[:2], f"tracking.root={url}", f"output={tmp_path / 'output'}"]
+    with serving(command, url, tmp_path):
+        with pytest.MonkeyPatch.context() as patch:
+            for name in ("PGPASSWORD", *bucket.variables):
+                patch.delenv(name)
+            run = train(*words)
+        printed_until(run, "train SHRED")
+    said = printed_until(run, "the MLflow store does not answer")
+    with serving(command, url, tmp_path):
+        rest, _ = run.communicate()
+    assert run.returncode == 0 and "Traceback" not in said + rest, said + rest
+    run_id, client = run_of(tmp_path / "output"), client_of(address)
     assert curves(client, run_id) == undisturbed(twin_run)
     experiment = client.get_run(run_id).info.experiment_id
     stored = bucket.objects()[f"served/{experiment}/{run_id}/artifacts/findings.json"]

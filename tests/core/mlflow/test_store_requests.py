@@ -99,7 +99,8 @@ def test_what_would_fail_again_is_not_repeated(clock: Clock, root: str, error: E
 
 
 def test_an_attempt_that_is_not_answered_does_not_hold_the_run_up(clock: Clock) -> None:
-    Requests(SERVER, HINT).attempt(failing(1, DOWN))
+    requests, request = Requests(SERVER, HINT), failing(1, DOWN)
+    assert [requests.attempt(request), requests.attempt(request)] == [False, True]
     assert clock.now == 0
 
 
