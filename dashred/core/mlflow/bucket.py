@@ -26,7 +26,7 @@ os.environ.setdefault("AWS_RETRY_MODE", "standard")
 os.environ.setdefault("AWS_MAX_ATTEMPTS", "3")
 
 ENDPOINT = "MLFLOW_S3_ENDPOINT_URL"
-CONNECT_SECONDS, ANSWER_SECONDS, ATTEMPTS = 5, 10, 2
+CONNECT_SECONDS, ANSWER_SECONDS, ATTEMPTS = 5, 5, 2
 KEYS = "set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY"
 # Of the object that a check begins to write. It is never stored.
 PROBE = ".dashred-check"

@@ -6,8 +6,10 @@ import json
 import os
 import shlex
 import signal
+import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,7 +18,9 @@ from typing import Any
 import pytest
 
 from dashred.core.mlflow import store_requests
+from dashred.core.mlflow.connection_errors import StoreUnreachableError
 from dashred.core.mlflow.database import mlflow_uri
+from dashred.core.mlflow.store_check import check_store
 from dashred.core.mlflow.tracker import Tracker
 from dashred.core.system_errors import ExternalServiceError
 from tests.conftest import CHECKOUT, Ended
@@ -123,7 +127,7 @@ def run_of(output: Path) -> str:
     return str(json.loads((output / "run.json").read_text())["mlflow_run"])
 
 
-def curves(client: Any, run_id: str) -> dict[str, list[tuple[int, float]]]:
+def curves(client: Any, run_id: str) -> dict[str, list[tuple[int, str]]]:
     """Return the points of all curves of a run and of its nested runs, but not the seconds."""
     experiment = client.get_run(run_id).info.experiment_id
     nested = client.search_runs([experiment], f"tags.`mlflow.parentRunId` = '{run_id}'")
@@ -133,7 +137,7 @@ def curves(client: Any, run_id: str) -> dict[str, list[tuple[int, float]]]:
         for key in run.data.metrics:
             if not key.startswith(("score/", "surrogate/")):
                 history = client.get_metric_history(run.info.run_id, key)
-                found[name + key] = sorted((point.step, point.value) for point in history)
+                found[name + key] = sorted((point.step, repr(point.value)) for point in history)
         assert run.info.status == "FINISHED"
     return found
 
@@ -342,45 +346,65 @@ def test_a_stage_that_ends_while_the_database_is_away_is_kept(
     assert client.get_run(opened).info.status == "FINISHED"
 
 
+REFUSED = [
+    ({"PGPASSWORD": "wr0ng"}, "password authentication failed"),
+    ({"PGPASSWORD": ""}, "asks for a password"),
+    ({"AWS_SECRET_ACCESS_KEY": "wr0ng"}, "refuses to write there: SignatureDoesNotMatch"),
+    ({"AWS_ACCESS_KEY_ID": "wr0ng"}, "refuses to write there: InvalidAccessKeyId"),
+    ({"AWS_ACCESS_KEY_ID": "", "AWS_SECRET_ACCESS_KEY": ""}, "no access key is given"),
+    ({"MLFLOW_S3_ENDPOINT_URL": "http://127.0.0.1:9"}, "no S3 server responds"),
+    ({"tracking.root": "postgresql://team@127.0.0.1:9/mlflow"}, "no PostgreSQL server"),
+    ({"tracking.root": "postgresql://team@127.0.0.1:{port}/none"}, '"none" does not exist'),
+    ({"tracking.artifacts": "s3://none/dashred"}, "there is no bucket none"),
+]
+
+
 @pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"PGPASSWORD": "wr0ng"}, "password authentication failed"),
-        ({"PGPASSWORD": ""}, "asks for a password"),
-        ({"AWS_SECRET_ACCESS_KEY": "wr0ng"}, "refuses to write there: SignatureDoesNotMatch"),
-        ({"AWS_ACCESS_KEY_ID": "wr0ng"}, "refuses to write there: InvalidAccessKeyId"),
-        ({"AWS_ACCESS_KEY_ID": "", "AWS_SECRET_ACCESS_KEY": ""}, "no access key is given"),
-        ({"MLFLOW_S3_ENDPOINT_URL": "http://127.0.0.1:9"}, "no S3 server responds"),
-        ({"tracking.root": "postgresql://team@127.0.0.1:9/mlflow"}, "no PostgreSQL server"),
-        ({"tracking.root": "postgresql://team@127.0.0.1:{port}/none"}, '"none" does not exist'),
-        ({"tracking.artifacts": "s3://none/dashred"}, "there is no bucket none"),
-    ],
+    ("command", "change", "said"),
+    [*(("train", *case) for case in REFUSED), ("check", *REFUSED[0]), ("check", *REFUSED[-1])],
     ids=str,
 )
-@pytest.mark.parametrize("command", ["train", "check"])
 def test_a_store_that_cannot_be_used_is_refused_at_once(
     command: str,
     change: dict[str, str],
     said: str,
-    analysis: list[str],
+    quick: Path,
+    store: list[str],
     postgres: Postgres,
     tmp_path: Path,
 ) -> None:
     change = {key: value.format(port=postgres.port) for key, value in change.items()}
     words = [f"{key}={value}" for key, value in change.items() if "." in key]
-    kept = [word for word in analysis if word.partition("=")[0] not in change]
+    kept = [word for word in store if word.partition("=")[0] not in change]
     variables = {key: value for key, value in change.items() if "." not in key}
+    words += [f"conf={quick}", f"output={tmp_path / 'output'}"]
     ended = subprocess.run(
-        [sys.executable, "-m", "dashred", command, *kept, *words, f"output={tmp_path / 'output'}"],
+        [sys.executable, "-m", "dashred", command, *kept, *words],
         cwd=CHECKOUT,
         env=os.environ | variables,
         capture_output=True,
         text=True,
-        timeout=30,
     )
     assert ended.returncode == 2, ended.stderr
     assert said in ended.stderr and len(ended.stderr.splitlines()) <= 2
     assert "wr0ng" not in ended.stderr and not (tmp_path / "output").exists()
+
+
+def test_an_address_where_nothing_answers_is_given_up_within_seconds(
+    store: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A listener that accepts connections and says nothing is the worst of them."""
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        port = silent.getsockname()[1]
+        for root, artifacts in (
+            (f"postgresql://team@127.0.0.1:{port}/mlflow", None),
+            (str(Path.cwd()), ARTIFACTS),
+        ):
+            monkeypatch.setenv("MLFLOW_S3_ENDPOINT_URL", f"http://127.0.0.1:{port}")
+            began = time.monotonic()
+            with pytest.raises(StoreUnreachableError):
+                check_store(root, artifacts)
+            assert time.monotonic() - began < 60
 
 
 @contextmanager
