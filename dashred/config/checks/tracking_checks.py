@@ -9,12 +9,13 @@ from dashred.core.mlflow.store_address import is_database, is_server
 
 
 def check_tracking(tracking: Tracking, where: Where) -> None:
-    """Check that the artifacts of a database have a bucket, and those of no other store.
+    """Check that the artifacts of a new run in a database have a bucket, and those of no other.
 
     Raises:
         InputError: the bucket is missing, or is not used.
     """
-    if is_database(tracking.root) and tracking.artifacts is None:
+    # A run that exists has a place for its artifacts.
+    if is_database(tracking.root) and tracking.artifacts is None and tracking.run is None:
         raise InputError(
             "a database does not hold the artifacts",
             where=where("tracking.root"),

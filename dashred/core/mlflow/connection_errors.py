@@ -8,6 +8,11 @@ from collections.abc import Iterator
 from dashred.core.errors import InputError
 
 INSTALL = "pip install 'dashred[servers]'"
+# MLflow's names of the errors of a server, by status 503, and 500.
+UNAVAILABLE = "TEMPORARILY_UNAVAILABLE"
+FAILED = (UNAVAILABLE, "INTERNAL_ERROR")
+# In MLflow's message about the answer of a proxy whose server is down: status 502 or 504.
+PROXY = "failed with error code 50"
 
 
 class StoreUnreachableError(InputError):
@@ -71,9 +76,9 @@ def _is_outage_of_mlflow(error: BaseException) -> bool:
     from sqlalchemy.exc import InterfaceError, OperationalError
 
     if isinstance(error, RestException):
-        return error.get_http_status_code() >= 500
+        return error.error_code in FAILED
     if isinstance(error, MlflowException):
-        return error.error_code == "TEMPORARILY_UNAVAILABLE"
+        return error.error_code == UNAVAILABLE or PROXY in str(error)
     return isinstance(error, ConnectionError | Timeout | InterfaceError | OperationalError)
 
 

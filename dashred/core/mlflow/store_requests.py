@@ -48,13 +48,16 @@ class Requests:
         pauses = chain(PAUSES, repeat(LAST_PAUSE))
         while True:
             try:
-                return self._answered(request())
+                answer = request()
             except store_exceptions() as error:
                 pause, waits = next(pauses), self._notice(error) and not self.gave_up
                 if not waits or time.monotonic() + pause > until:
                     self.gave_up = waits or self.gave_up
                     raise self._failure(error) from error
-            time.sleep(pause)
+                time.sleep(pause)
+            else:
+                self._note_answer()
+                return answer
 
     def attempt(self, request: Callable[[], None]) -> bool:
         """Send a request, which may be repeated later; return whether it was answered.
@@ -63,18 +66,18 @@ class Requests:
             ExternalServiceError: the store refuses the request.
         """
         try:
-            self._answered(request())
+            request()
         except store_exceptions() as error:
             if not self._notice(error):
                 raise self._failure(error) from error
             return False
+        self._note_answer()
         return True
 
-    def _answered(self, answer: Answer) -> Answer:
+    def _note_answer(self) -> None:
         if self._is_silent:
             say("  the MLflow store answers again")
         self._is_silent = self.gave_up = False
-        return answer
 
     def _notice(self, error: Exception) -> bool:
         """Return whether a server does not answer; say so the first time."""

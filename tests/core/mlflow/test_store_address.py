@@ -89,6 +89,11 @@ def test_a_bucket_belongs_to_a_database(words: list[str], said: str) -> None:
         load_config(["conf=rde", *words], entry="train")
 
 
+def test_a_run_that_exists_has_its_bucket() -> None:
+    config = load_config(["conf=rde", f"tracking.root={DATABASE}", "tracking.run=0"], entry="train")
+    assert config.tracking.artifacts is None
+
+
 def test_the_address_for_mlflow_has_limits_of_time_which_the_user_may_set() -> None:
     assert mlflow_uri(DATABASE) == (
         "postgresql+psycopg://team@db.example/mlflow?connect_timeout=5&tcp_user_timeout=30000"

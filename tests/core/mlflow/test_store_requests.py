@@ -107,6 +107,7 @@ def test_an_attempt_that_is_not_answered_does_not_hold_the_run_up(clock: Clock) 
 def test_which_errors_are_outages() -> None:
     wrapped = MlflowException("API request failed")
     wrapped.__cause__ = DOWN
+    assert is_outage(MlflowException("request failed with error code 502 != 200"))
     assert is_outage(wrapped) and is_outage(StoreUnreachableError("nobody listens"))
     assert not is_outage(MlflowException("no such run")) and not is_outage(ValueError("bug"))
 
