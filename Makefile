@@ -9,7 +9,7 @@ READY := $(VENV)/.ready
 export PYTHONDONTWRITEBYTECODE :=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup rde test test-all lint docs ui
+.PHONY: help setup rde test test-all test-servers lint docs ui
 
 help:  ## what can be made
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1	/p' $(MAKEFILE_LIST)
@@ -24,6 +24,12 @@ test: $(READY)  ## the fast tests
 
 test-all: $(READY)  ## the slow tests too
 	$(BIN)/python -m pytest -n auto
+
+test-servers: $(READY)  ## runs on PostgreSQL and an S3 server, which the tests start and stop
+	@command -v postgres >/dev/null || ls /usr/lib/postgresql/*/bin/postgres >/dev/null 2>&1 || \
+	    { echo "PostgreSQL is not installed (Debian: apt install postgresql)" >&2; exit 2; }
+	$(BIN)/python -m pip install -qq --requirement requirements-servers.lock
+	$(BIN)/python -m pytest -m servers
 
 lint: $(READY)  ## style, format, types, layers
 	$(BIN)/ruff check .

@@ -14,7 +14,7 @@ import sys
 from dashred.config import load_config
 from dashred.config.checks.placeholders import refuse_unfinished_lines
 from dashred.core.errors import DONE, run_entry
-from dashred.core.mlflow.server import check_server
+from dashred.core.mlflow.store_check import check_store
 
 
 def main(argv: list[str]) -> int:
@@ -27,7 +27,7 @@ def main(argv: list[str]) -> int:
         return resume(argv, score_resumed)
     config = load_config(argv, entry="train")
     refuse_unfinished_lines(config)
-    check_server(config.tracking.root)
+    check_store(config.tracking.root, config.tracking.artifacts)
     if config.recording.twin is not None:
         from dashred.evaluation.twins.twin_experiment import run_twin
 

@@ -16,7 +16,13 @@ from dashred.core.files.user_path import user_path
 
 # A system's file may come from someone else. With these keys it could choose which files are
 # overwritten, and to which server the results and MLflow's password are sent.
-COMMAND_LINE_ONLY = ("output", "tracking.root", "tracking.run", "tracking.parent")
+COMMAND_LINE_ONLY = (
+    "output",
+    "tracking.root",
+    "tracking.artifacts",
+    "tracking.run",
+    "tracking.parent",
+)
 
 # Sections to which an override may add entries, and the section that has their names.
 NAMED_IN = {"spread": "fields", "parameter_spread": "parameters", "parameter_per": "parameters"}

@@ -18,7 +18,8 @@ from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where, child, describe_kind, kind_at, optional, required
 from dashred.config.source import Source
 from dashred.core.errors import InputError
-from dashred.core.files.user_path import check_address, is_server, user_path
+from dashred.core.files.user_path import user_path
+from dashred.core.mlflow.store_address import artifacts_address, check_address, is_server
 from dashred.physics.system_schema import System
 
 PATHS = (
@@ -31,6 +32,7 @@ PATHS = (
     "output",
     "tracking.root",
 )
+ARTIFACTS = "tracking.artifacts"
 # Its first word, and words that begin with ./ or ../, are paths.
 COMMAND = "system.simulator.command"
 # Required keys of a system that is declared by equations.
@@ -61,6 +63,7 @@ def prepare(source: Source, *, folder: Path) -> Source:
     for key in PATHS:
         settled = store_root if key == "tracking.root" else absolute_path
         _edit(values, key, str, partial(settled, folder=folder, where=where(key)))
+    _edit(values, ARTIFACTS, str, partial(artifacts_address, where=where(ARTIFACTS)))
     _edit(values, COMMAND, list, partial(absolute_words, folder=folder, where=where(COMMAND)))
     return Source(values, source.lines)
 

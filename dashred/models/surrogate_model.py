@@ -67,7 +67,7 @@ def _tracking_uri_of(run: MlflowRun) -> Iterator[None]:
     import mlflow
 
     before = mlflow.get_tracking_uri()
-    mlflow.set_tracking_uri(run.uri)
+    mlflow.set_tracking_uri(run.tracking_uri)
     try:
         yield
     finally:

@@ -7,14 +7,14 @@ from pathlib import Path
 from dashred.config import Config, load_config
 from dashred.config.checks.placeholders import refuse_unfinished_lines
 from dashred.core.errors import DONE, InputError
-from dashred.core.mlflow.server import check_server
+from dashred.core.mlflow.store_check import check_store
 
 
 def main(argv: list[str]) -> int:
     """Analyse the recording that the command line names."""
     config = load_config(argv, entry="train")
     refuse_unfinished_lines(config)
-    check_server(config.tracking.root)
+    check_store(config.tracking.root, config.tracking.artifacts)
     analyse(config)
     return DONE
 

@@ -123,7 +123,8 @@ def log_model(
     """Log the network as an MLflow model and return its URI."""
     with stage("log the surrogate", seconds) as report:
         windows = sensor_data(problem).windows
-        uri = log_surrogate(run, network.shred, windows, list(problem.split.inputs))
+        inputs = list(problem.split.inputs)
+        uri = run.request(lambda: log_surrogate(run, network.shred, windows, inputs))
         run.set_tags({"surrogate": uri})
         report(1.0, uri)
     return uri

@@ -119,7 +119,11 @@ def test_a_file_that_would_run_code_is_refused(kind, quick, tmp_path, monkeypatc
 
 
 @pytest.mark.parametrize(
-    "says", ["output: ~/.ssh", "output: null", "root: http://evil", "run: 0123", "parent: 0123"]
+    "says",
+    [
+        *("output: ~/.ssh", "output: null", "root: http://evil", "artifacts: s3://evil"),
+        *("run: 0123", "parent: 0123"),
+    ],
 )
 def test_a_file_does_not_say_where_results_go(says, quick, tmp_path, monkeypatch) -> None:
     """Else it would choose a folder to be written over, or a server that gets a password."""

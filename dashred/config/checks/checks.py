@@ -11,6 +11,7 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 from dashred.config.checks.simulator_checks import check_simulator
 from dashred.config.checks.snapshot_checks import check_snapshots
 from dashred.config.checks.system_checks import check_system
+from dashred.config.checks.tracking_checks import check_tracking
 from dashred.config.checks.trainer_checks import check_trainer
 from dashred.config.schema.recording import Recording, SensorSplit
 from dashred.config.schema.settings import Settings
@@ -56,6 +57,7 @@ def check(settings: Settings, where: Where) -> None:
             f"unknown device {settings.device!r}", where=where("device"), hint="cpu, cuda or cuda:1"
         )
     check_trainer(settings, where)
+    check_tracking(settings.tracking, where)
 
 
 def _check_cluster(settings: Settings, where: Where) -> None:

@@ -178,8 +178,12 @@ class Tracking:
     """The MLflow store of the run."""
 
     root: str
-    """Folder of the MLflow store and its artifacts, or the URL of an MLflow tracking server,
-    http://HOST:PORT."""
+    """Folder of the MLflow store and its artifacts, or the address of an MLflow tracking server,
+    http://HOST:PORT, or of a PostgreSQL database, postgresql://USER@HOST/DATABASE."""
+
+    artifacts: str | None
+    """Bucket, or folder in it, that holds the artifacts: s3://BUCKET/FOLDER. A database needs one;
+    for another ``tracking.root`` it is null."""
 
     experiment: str | None
     """Name of the MLflow experiment; null takes the name of the configuration."""

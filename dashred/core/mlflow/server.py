@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 from urllib.error import HTTPError
 from urllib.request import urlopen
 
-from dashred.core.errors import InputError
-from dashred.core.files.user_path import is_server
+from dashred.core.mlflow.connection_errors import StoreUnreachableError
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
 
 # By default MLflow makes seven attempts with doubling delays, which would block a run for minutes.
-os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "4")
+# A run repeats its requests itself.
+os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "2")
 os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", "30")
 
 RESPONSE_TIMEOUT = 10
@@ -25,7 +25,7 @@ def open_server(url: str) -> MlflowClient:
     """Return a client of a tracking server.
 
     Raises:
-        InputError: the server does not respond.
+        StoreUnreachableError: the server does not respond.
     """
     check_server(url)
     from mlflow import MlflowClient
@@ -34,13 +34,11 @@ def open_server(url: str) -> MlflowClient:
 
 
 def check_server(root: str) -> None:
-    """Check before a run that the server responds, if ``tracking.root`` is the URL of a server.
+    """Check that the tracking server at an address responds.
 
     Raises:
-        InputError: the server does not respond.
+        StoreUnreachableError: it does not.
     """
-    if not is_server(root):
-        return
     try:
         with urlopen(f"{root.rstrip('/')}/health", timeout=RESPONSE_TIMEOUT):
             pass
@@ -48,7 +46,7 @@ def check_server(root: str) -> None:
         pass  # The server responds; MLflow reports other problems, such as a missing password.
     except (OSError, ValueError, HTTPException) as error:
         reason = getattr(error, "reason", error) or type(error).__name__
-        raise InputError(
+        raise StoreUnreachableError(
             f"no MLflow server responds: {reason}",
             where=root,
             hint="start it (mlflow server), or use a local store with tracking.root=DIR",

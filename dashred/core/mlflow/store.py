@@ -1,7 +1,8 @@
-"""The MLflow store on disk: ``ROOT/mlflow.db``, with artifacts under ``ROOT/artifacts``.
+"""The MLflow store of a run: a folder, a tracking server, or a database with a bucket.
 
-Several processes may open a new store at the same time. MLflow creates the tables without a lock,
-so a store is opened under a file lock.
+A folder holds ``ROOT/mlflow.db``, and artifacts under ``ROOT/artifacts``. Several processes may
+open a new store at the same time. MLflow creates the tables without a lock, so a store is opened
+under a lock: of a file in the folder, or of the database.
 """
 
 import logging
@@ -17,18 +18,28 @@ from filelock import FileLock, Timeout
 
 from dashred.core.errors import InputError
 from dashred.core.files.state_dir import state_folder
-from dashred.core.files.user_path import is_server
+from dashred.core.mlflow import database
+from dashred.core.mlflow.bucket import check_bucket, is_bucket
+from dashred.core.mlflow.connection_errors import (
+    StoreUnreachableError,
+    first_line,
+    is_outage,
+    store_exceptions,
+)
+from dashred.core.mlflow.experiment import find_experiment
 from dashred.core.mlflow.server import open_server
-from dashred.core.system_errors import ExternalServiceError
+from dashred.core.mlflow.store_address import is_database, is_server
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
+    from mlflow.entities import RunInfo
 
 # MLflow reads these when it is imported, so they must be set before.
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
 os.environ.setdefault("DO_NOT_TRACK", "true")
 
 LOCK_SECONDS = 120
+NOISY = ("mlflow.store.db.utils", "alembic", "urllib3.connectionpool")
 CHOOSE = "choose another with tracking.root=DIR"
 # Status of a run that has not finished; after SIGKILL the status is still RUNNING.
 INTERRUPTED = ("RUNNING", "FAILED", "KILLED", "SCHEDULED")
@@ -40,11 +51,11 @@ class Store:
 
     Attributes:
         client: of the store.
-        uri: of the store.
+        uri: of the store, as ``mlflow ui --backend-store-uri`` takes it.
         artifacts: absolute local folder.
         experiment_id: of the experiment.
-        remote: whether the store is a server, to which artifacts are sent; otherwise MLflow
-            reads them from ``artifacts``.
+        remote: whether the store is a server or a database, and artifacts are sent; otherwise
+            MLflow reads them from ``artifacts``.
     """
 
     client: "MlflowClient"
@@ -61,29 +72,44 @@ class Store:
         """Return the folder of a run's checkpoints; it is created if missing."""
         return _create_folder(self.artifacts / run_id / "checkpoints")
 
+    def unsent(self, run_id: str) -> Path:
+        """Return the file of what a run could not send; it is there only after an outage."""
+        return self.artifacts / run_id / "unsent.json"
 
-def open_store(root: str, experiment: str) -> Store:
+
+def open_store(root: str, experiment: str, artifacts: str | None = None) -> Store:
     """Open the store; create the folder, the tables and the experiment if they are missing.
 
     Args:
-        root: folder of the store, or the URL of a tracking server.
+        root: folder of the store, or the address of a tracking server or of a database.
         experiment: name of the experiment.
+        artifacts: bucket of a database; None if it has the experiment already.
 
     Raises:
-        InputError: the folder or the database cannot be used, the server does not respond, or
-            the experiment was deleted.
+        InputError: the folder, the database or the bucket cannot be used, the server does not
+            respond, or the experiment was deleted.
     """
     if is_server(root):
-        client = open_server(root)
-        with mlflow_input_errors(root):
-            found = _experiment_id(client, experiment, None)
-        return Store(client, root, state_folder("runs"), found, remote=True)
+        return _open_remote(root, experiment, artifacts)
     folder = _folder(root)
-    artifacts = folder / "artifacts"
+    place = folder / "artifacts"
     with _locked(folder), _quiet(), mlflow_input_errors(str(folder / "mlflow.db")):
         client = _local_client(folder)
-        found = _experiment_id(client, experiment, artifacts)
-    return Store(client, _uri(folder), artifacts, found)
+        found = find_experiment(client, experiment, str(place))
+    return Store(client, _uri(folder), place, str(found.experiment_id))
+
+
+def _open_remote(root: str, experiment: str, artifacts: str | None) -> Store:
+    with _quiet(), mlflow_input_errors(root):
+        if is_database(root):
+            with database.opening(root, artifacts) as client:
+                found = find_experiment(client, experiment, artifacts, must_exist=artifacts is None)
+        else:
+            client = open_server(root)
+            found = find_experiment(client, experiment, None)
+    if is_bucket(found.artifact_location):
+        check_bucket(found.artifact_location)
+    return Store(client, root, state_folder("runs"), str(found.experiment_id), remote=True)
 
 
 def store_of_run(root: str, run_id: str) -> tuple[Store, str]:
@@ -92,32 +118,34 @@ def store_of_run(root: str, run_id: str) -> tuple[Store, str]:
     Raises:
         InputError: there is no store, or the store has no such run.
     """
-    from mlflow.exceptions import MlflowException
-
     place = root if is_server(root) else str(Path(root) / "mlflow.db")
     if not is_server(root) and not Path(place).is_file():
         hint = "give its location with tracking.root=DIR or tracking.root=http://SERVER"
         raise InputError("there is no MLflow store here", where=place, hint=hint)
-    client = open_server(root) if is_server(root) else _local_client(_folder(root))
-    run = None
-    with _quiet(), mlflow_input_errors(place), suppress(MlflowException):
-        run = client.get_run(run_id)
-        experiment = client.get_experiment(run.info.experiment_id).name
-    if run is None or run.info.lifecycle_stage != "active":
+    with _quiet(), mlflow_input_errors(place):
+        client = _existing_client(root)
+        found = _active_run(client, run_id)
+        experiment = None if found is None else client.get_experiment(found.experiment_id).name
+    if experiment is None:
         hint = "MLflow's page of a run shows its id; choose another store with tracking.root=DIR"
         raise InputError(f"there is no run {run_id!r} in {place}", where="resume", hint=hint)
     return open_store(root, experiment), experiment
 
 
+def _existing_client(root: str) -> "MlflowClient":
+    if not is_server(root):
+        return _local_client(_folder(root))
+    if not is_database(root):
+        return open_server(root)
+    with database.opening(root, None) as client:
+        return client
+
+
 def status_of(store: Store, run_id: str) -> str | None:
     """Return RUNNING, FINISHED, FAILED or KILLED; None if the store has no such run."""
-    from mlflow.exceptions import MlflowException
-
-    try:
-        info = store.client.get_run(run_id).info
-    except MlflowException:
-        return None
-    return str(info.status) if info.lifecycle_stage == "active" else None
+    with mlflow_input_errors(store.uri):
+        found = _active_run(store.client, run_id)
+    return None if found is None else str(found.status)
 
 
 def tags_of(store: Store, run_id: str) -> dict[str, str]:
@@ -132,34 +160,16 @@ def mlflow_input_errors(place: str) -> Iterator[None]:
 
     Raises:
         InputError: instead of MLflow's own exception.
+        StoreUnreachableError: the store may answer later.
     """
-    from mlflow.exceptions import MlflowException
-    from sqlalchemy.exc import SQLAlchemyError
-
     try:
         yield
-    except (MlflowException, SQLAlchemyError) as error:
-        raise InputError(_mlflow_message(error), where=place, hint=CHOOSE) from error
-
-
-@contextmanager
-def mlflow_service_errors(place: str, hint: str) -> Iterator[None]:
-    """Convert the errors of MLflow during a run, such as a locked database or a lost connection.
-
-    Raises:
-        RefusedError: instead of MLflow's own exception.
-    """
-    from mlflow.exceptions import MlflowException
-    from sqlalchemy.exc import SQLAlchemyError
-
-    try:
-        yield
-    except (MlflowException, SQLAlchemyError) as error:
-        raise ExternalServiceError(f"{place}: {_mlflow_message(error)}\n  {hint}") from error
-
-
-def _mlflow_message(error: Exception) -> str:
-    return f"MLflow cannot use this store: {str(error).splitlines()[0]}"
+    except InputError:
+        raise
+    except store_exceptions() as error:
+        kind = StoreUnreachableError if is_outage(error) else InputError
+        what = f"MLflow cannot use this store: {first_line(error)}"
+        raise kind(what, where=place, hint=CHOOSE) from error
 
 
 def find_run(store: Store, run_id: str, *, key: str = "tracking.run") -> str:
@@ -173,13 +183,9 @@ def find_run(store: Store, run_id: str, *, key: str = "tracking.run") -> str:
     Raises:
         InputError: there is no such run, or it was deleted.
     """
-    from mlflow.exceptions import MlflowException
-
-    try:
-        found = store.client.get_run(run_id).info.lifecycle_stage == "active"
-    except MlflowException:
-        found = False
-    if not found:
+    with mlflow_input_errors(store.uri):
+        found = _active_run(store.client, run_id)
+    if found is None:
         hint = f"omit {key} to open a new run"
         raise InputError(f"there is no run {run_id!r} in {store.uri}", where=key, hint=hint)
     return run_id
@@ -187,10 +193,27 @@ def find_run(store: Store, run_id: str, *, key: str = "tracking.run") -> str:
 
 def end_failed_run(store: Store, run_id: str, *, killed: bool) -> None:
     """Mark a run FAILED or KILLED; an error of the store must not hide the original failure."""
+    with suppress(*store_exceptions()):
+        store.client.set_terminated(run_id, "KILLED" if killed else "FAILED")
+
+
+def delete_run(store: Store, run_id: str) -> None:
+    """Delete a run; an error of the store must not hide the original failure."""
+    with suppress(*store_exceptions()):
+        store.client.delete_run(run_id)
+
+
+def _active_run(client: "MlflowClient", run_id: str) -> "RunInfo | None":
+    """Return a run; None if there is none or it was deleted."""
     from mlflow.exceptions import MlflowException
 
-    with suppress(MlflowException):
-        store.client.set_terminated(run_id, "KILLED" if killed else "FAILED")
+    try:
+        found = client.get_run(run_id).info
+    except MlflowException as error:
+        if is_outage(error):
+            raise
+        return None
+    return found if found.lifecycle_stage == "active" else None
 
 
 def _uri(folder: Path) -> str:
@@ -239,27 +262,13 @@ def _locked(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    # MLflow logs every table migration, and its code triggers a deprecation warning of SQLAlchemy
-    # 2.1. Users cannot act on either.
-    logging.getLogger("mlflow.store.db.utils").setLevel(logging.WARNING)
+    # MLflow logs every table migration and every error of the database with its traceback, urllib3
+    # every attempt, and MLflow's code triggers a deprecation warning of SQLAlchemy 2.1. Users
+    # cannot act on any of it. The logs stay silent: errors of the store are messages of their own.
+    for name in NOISY:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     with warnings.catch_warnings():
         warnings.filterwarnings(
             "ignore", message="The ``noload`` loader", category=DeprecationWarning
         )
         yield
-
-
-def _experiment_id(client: "MlflowClient", name: str, artifacts: Path | None) -> str:
-    """Return the id of the experiment; ``artifacts`` is None if the server chooses the folder."""
-    found = client.get_experiment_by_name(name)
-    if found is None:
-        location = None if artifacts is None else str(artifacts)
-        return str(client.create_experiment(name, artifact_location=location))
-    hint = "choose another name with tracking.experiment=NAME"
-    if found.lifecycle_stage != "active":
-        raise InputError("this experiment was deleted in MLflow", where=name, hint=hint)
-    if artifacts is not None and found.artifact_location != str(artifacts):
-        what = f"the artifacts of this experiment are elsewhere: {found.artifact_location}"
-        moved = "the store was moved or created by another program"
-        raise InputError(what, where=name, hint=f"{moved}; {hint}")
-    return str(found.experiment_id)

@@ -89,7 +89,9 @@ def analyse(config: Config) -> None:
     plain = simulate_ensemble(unchanged, nominal, plain_seconds)
     keep = config.tracking
     experiment = keep.experiment or config.name
-    with Tracker.open(keep.root, experiment, "baselines", parent=keep.parent) as run:
+    with Tracker.open(
+        keep.root, experiment, "baselines", parent=keep.parent, artifacts=keep.artifacts
+    ) as run:
         methods: dict[str, tuple[Callable[[], Estimate | None], dict[str, float]]] = {
             "closed_form": (partial(closed_form, problem, nominal.prior), {}),
             "optimal_interpolation": (

@@ -12,6 +12,7 @@ from typing import Any
 from dashred.config import Config, config_sha256, load_config
 from dashred.core.command_line.arguments import COMMAND_LINE
 from dashred.core.errors import InputError
+from dashred.core.mlflow.store_address import StorePlace
 from dashred.evaluation.benchmark.arguments import Request
 from dashred.evaluation.twins.twin_file import (
     hides_law,
@@ -36,7 +37,7 @@ class Row:
             the law.
         key: everything that determines the findings, except the code.
         words: arguments of ``dashred train``, without the location of the results.
-        store: folder and experiment of the MLflow store.
+        store: the MLflow store.
     """
 
     name: str
@@ -50,7 +51,7 @@ class Row:
     key: dict[str, Any]
     words: tuple[str, ...]
     folder: Path
-    store: tuple[str, str]
+    store: StorePlace
 
     def __str__(self) -> str:
         """Return the name of the row: ``rde b, noise 0.05, 8 sensors, seed 1``."""
@@ -96,7 +97,8 @@ def _config(system: str, request: Request, *words: str) -> Config:
 def _rows_of(system: str, config: Config, request: Request) -> list[Row]:
     twins = names_with_simulator_start(config) if request.twins is None else request.twins
     hidden = {twin: read_entry(config, twin) for twin in twins}
-    store = (config.tracking.root, config.tracking.experiment or EXPERIMENT)
+    tracking = config.tracking
+    store = StorePlace(tracking.root, tracking.experiment or EXPERIMENT, tracking.artifacts)
     dimensions = (hidden, request.noise, request.sensors, request.extra, request.seeds)
     sha = config_sha256(config)
     laws = {

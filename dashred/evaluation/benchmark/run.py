@@ -15,6 +15,7 @@ from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.findings import write_json_atomic
 from dashred.core.job_control import lock_folder, signals_as_interrupt
 from dashred.core.mlflow.store import find_run, open_store
+from dashred.core.mlflow.store_address import StorePlace
 from dashred.core.mlflow.tracker import Tracker
 from dashred.core.progress import CONSOLE
 from dashred.evaluation.benchmark import processes
@@ -88,27 +89,26 @@ def _write_tables(records: Sequence[Record], output: Path, run: Tracker) -> None
         console.print(line, markup=False, soft_wrap=True)
 
 
-def nested_arguments(run: Tracker, store: tuple[str, str]) -> list[str]:
+def nested_arguments(run: Tracker, store: StorePlace) -> list[str]:
     """Return the arguments that nest the run of a row below that of the benchmark."""
-    root, experiment = store
     return [
-        f"tracking.root={root}",
-        f"tracking.experiment={experiment}",
+        f"tracking.root={store.root}",
+        f"tracking.experiment={store.experiment}",
         f"tracking.parent={run.run_id}",
     ]
 
 
 @contextmanager
-def parent_run(output: Path, store: tuple[str, str], rows: Sequence[Row]) -> Iterator[Tracker]:
+def parent_run(output: Path, store: StorePlace, rows: Sequence[Row]) -> Iterator[Tracker]:
     """Open or reopen the parent run of the rows, one per output folder."""
-    root, experiment = store
+    root, experiment, artifacts = store
     file = output / "bench.json"
     earlier = _earlier_run(file, root, experiment)
     name = f"bench {', '.join(dict.fromkeys(row.name for row in rows))}"
     opened = (
         Tracker.reopen(root, experiment, earlier)
         if earlier
-        else Tracker.open(root, experiment, name)
+        else Tracker.open(root, experiment, name, artifacts=artifacts)
     )
     with opened as run:
         write_json_atomic(file, {"root": root, "experiment": experiment, "run": run.run_id})

@@ -103,7 +103,6 @@ def _finished(row: Row, code: int, seconds: float) -> None:
 
 def _log(found: dict[str, MethodScore], row: Row) -> None:
     """Log the scores of all methods to the nested run of the row."""
-    root, experiment = row.store
     scores = {
         f"{key}/{method}": float(value)
         for method, compared in found.items()
@@ -114,6 +113,6 @@ def _log(found: dict[str, MethodScore], row: Row) -> None:
     if others is None:
         return
     opened = others["mlflow_run"]
-    with Tracker.open(root, experiment, "", opened) as run:
+    with Tracker.open(row.store.root, row.store.experiment, "", opened) as run:
         run.log_metrics(scores, 0)
         run.rename(opened, f"{row}: other methods")

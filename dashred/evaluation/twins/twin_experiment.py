@@ -18,7 +18,7 @@ from dashred.config import Config, load_config
 from dashred.core.command_line.arguments import COMMAND_LINE
 from dashred.core.errors import DONE, WRONG_INPUT, InputError
 from dashred.core.files.atomic import copy_atomic
-from dashred.core.mlflow.store import Store, open_store, status_of
+from dashred.core.mlflow.store import Store, delete_run, open_store, status_of
 from dashred.core.mlflow.tracker import Tracker
 from dashred.evaluation.twins.seal_store import SEALED, delete_seal, find_seal, store_seal
 from dashred.evaluation.twins.twin_file import read_entry
@@ -79,7 +79,8 @@ def _run(config: Config, words: list[str], named: Path | None, private: Path) ->
     with prewarmed(*RECORDER) as recorder, prewarmed(*ANALYSIS) as analyser:
         send_arguments(recorder, [*words, f"output={private}"])
         # Creating the schema of the store takes seconds; the recorder runs meanwhile.
-        store = open_store(config.tracking.root, experiment_of(config))
+        tracking = config.tracking
+        store = open_store(tracking.root, experiment_of(config), tracking.artifacts)
         wait_for(recorder)
         recording = private / RECORDING
         earlier = _interrupted_run(store, named, words, recording)
@@ -91,7 +92,7 @@ def _run(config: Config, words: list[str], named: Path | None, private: Path) ->
                 clear_truth(named)
             send_arguments(analyser, [*arguments, f"tracking.run={run.run_id}"])
             wait_for(analyser)
-            place = config.tracking.root, experiment_of(config)
+            place = tracking.root, experiment_of(config)
             score(run, scorer, named or run.artifact_dir, *place)
 
 
@@ -159,7 +160,7 @@ def _open_run(config: Config, store: Store, earlier: str | None) -> Iterator[Tra
     except ProcessFailedError as ended:
         # A run with a manifest had correct input and can be resumed.
         if ended.code == WRONG_INPUT and read_manifest(store.checkpoints(run.run_id)) is None:
-            store.client.delete_run(run.run_id)
+            delete_run(store, run.run_id)
             shutil.rmtree(run.artifact_dir.parent)
             delete_seal(run.run_id)
         raise

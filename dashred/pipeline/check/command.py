@@ -38,13 +38,13 @@ def show_unfinished_lines(config: Config, page: Page) -> None:
 
 def _check_places(config: Config) -> None:
     """Refuse a device, an output folder or a store that a run could not use."""
-    from dashred.core.mlflow.server import check_server
+    from dashred.core.mlflow.store_check import check_store
     from dashred.models.device import check_device
     from dashred.pipeline.run.output_dir import check_output
 
     check_device(config)
     check_output(config)
-    check_server(config.tracking.root)
+    check_store(config.tracking.root, config.tracking.artifacts)
 
 
 def check(config: Config, page: Page, recorded: Episodes | None = None) -> None:

@@ -10,7 +10,7 @@ from tempfile import TemporaryFile
 from dashred.config import Config
 from dashred.core.errors import InputError
 from dashred.core.files.atomic import clear_partial
-from dashred.core.files.user_path import is_server
+from dashred.core.mlflow.store_address import is_server
 from dashred.pipeline.run.run_manifest import POINTER
 from dashred.reporting.figures.figure_names import is_report_figure
 

@@ -10,6 +10,7 @@ from dashred.config import Config
 from dashred.core.errors import InputError
 from dashred.core.job_control import lock_folder
 from dashred.core.mlflow.store import INTERRUPTED, Store, open_store, status_of
+from dashred.core.mlflow.store_requests import Requests
 from dashred.core.mlflow.tracker import Tracker
 from dashred.pipeline.run.run_manifest import (
     differences,
@@ -41,7 +42,9 @@ def open_parent(
         InputError: another process is working on the run, or its manifest has changed.
     """
     tracking, experiment = config.tracking, experiment_of(config)
-    store = open_store(tracking.root, experiment)
+    # The simulations are done by now, so a server that is restarted is waited for.
+    opening = Requests(tracking.root, "start the run again when the store is available")
+    store = opening.send(lambda: open_store(tracking.root, experiment, tracking.artifacts))
     earlier = None if tracking.run else interrupted_run(store, read_pointer(named), manifest)
     with ExitStack() as stack:
         if run_id := tracking.run or earlier:
@@ -56,6 +59,7 @@ def open_parent(
                 run_name(config),
                 tracking.run,
                 parent=tracking.parent,
+                artifacts=tracking.artifacts,
             )
         )
         run = stack.enter_context(opened)

@@ -20,9 +20,9 @@ from dashred.core.command_line.arguments import (
     key_value_pairs,
 )
 from dashred.core.errors import DONE, InputError, nearest
-from dashred.core.files.user_path import is_server
 from dashred.core.job_control import lock_folder
 from dashred.core.mlflow.store import INTERRUPTED, Store, status_of, store_of_run, tags_of
+from dashred.core.mlflow.store_address import is_server
 from dashred.core.mlflow.tracker import Tracker
 from dashred.pipeline.run.output_dir import make_output
 from dashred.pipeline.run.processes import (

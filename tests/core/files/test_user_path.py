@@ -12,7 +12,7 @@ import pytest
 from dashred import train
 from dashred.config import load_config, reference_command
 from dashred.core.errors import InputError
-from dashred.core.files.user_path import check_address, user_path
+from dashred.core.files.user_path import user_path
 from dashred.core.mlflow.server import check_server
 from dashred.data.io import fetch
 from dashred.pipeline.init import command
@@ -52,30 +52,6 @@ def test_a_name_that_no_file_can_have(
     with pytest.raises(InputError) as refused:
         main(words)
     assert "Errno" not in str(refused.value) and len(str(refused.value)) < 400
-
-
-@pytest.mark.parametrize(
-    ("root", "said"),
-    [
-        ("sqlite:////tmp/mlflow.db", "neither a folder nor a server"),
-        ("sqlite:mlflow.db", "neither a folder nor a server"),
-        ("s3://bucket/runs", "neither a folder nor a server"),
-        ("http://localhost:abc", "not the address of a server"),
-        ("http://", "not the address of a server"),
-        ("http://me:secret@host:5000", "must not contain a password"),
-    ],
-)
-def test_what_is_no_address_of_a_server(root: str, said: str) -> None:
-    with pytest.raises(InputError, match=said) as refused:
-        load_config(["conf=rde", f"tracking.root={root}"], entry="train")
-    assert "secret" not in str(refused.value) and "command line" in str(refused.value)
-
-
-@pytest.mark.parametrize(
-    "root", ["http://localhost:5000", "https://host/mlflow", "runs", "/tmp/a:b"]
-)
-def test_what_is_one_or_a_folder(root: str) -> None:
-    check_address(root, "tracking.root")
 
 
 def test_a_recording_cannot_be_a_url() -> None:

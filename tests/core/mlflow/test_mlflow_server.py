@@ -7,16 +7,13 @@ import os
 import re
 import shutil
 import signal
-import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlencode
-from urllib.request import urlopen
 
 import numpy as np
 import pytest
@@ -27,33 +24,18 @@ from dashred.pipeline.run.run_manifest import read_pointer
 from tests.conftest import CHECKOUT, Ended
 from tests.documents import snippets
 from tests.killing import kill_when, start
+from tests.servers import free_ports, wait_for_health
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 CHROMIUM = next(filter(None, map(shutil.which, BROWSERS)), None)
 QUIET = "no-sandbox disable-gpu disable-quic no-first-run disable-background-networking"
 FLAGS = [f"--{flag}" for flag in (*QUIET.split(), "headless", "disable-component-update")]
-START_SECONDS = 90
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-def wait_for(url: str, process: subprocess.Popen[bytes]) -> None:
-    until = time.monotonic() + START_SECONDS
-    while time.monotonic() < until and process.poll() is None:
-        with suppress(OSError), urlopen(f"{url}/health", timeout=2):
-            return
-        time.sleep(0.3)
-    pytest.fail("the server did not start")
 
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Start an ``mlflow server`` with its own store and artifacts; yield its URL."""
-    folder, port = tmp_path_factory.mktemp("server"), free_port()
+    folder, port = tmp_path_factory.mktemp("server"), free_ports(1)[0]
     command = [sys.executable, "-m", "mlflow", "server", "--host", "127.0.0.1", "--workers", "1"]
     command += ["--port", str(port), "--backend-store-uri", f"sqlite:///{folder / 'mlflow.db'}"]
     command += ["--artifacts-destination", str(folder / "artifacts")]
@@ -62,7 +44,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
             command, cwd=folder, stdout=log, stderr=log, start_new_session=True
         )
         try:
-            wait_for(f"http://127.0.0.1:{port}", process)
+            wait_for_health(f"http://127.0.0.1:{port}", process)
             yield f"http://127.0.0.1:{port}"
         finally:
             with suppress(ProcessLookupError):
@@ -216,7 +198,7 @@ def seen(url: str, profile: Path) -> str:
 
 
 def test_a_server_that_does_not_answer_is_named() -> None:
-    url = f"http://127.0.0.1:{free_port()}"
+    url = f"http://127.0.0.1:{free_ports(1)[0]}"
     with (
         pytest.raises(InputError, match="no MLflow server responds") as caught,
         Tracker.open(url, "rde", "a run"),

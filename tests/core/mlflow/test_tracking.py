@@ -19,31 +19,7 @@ from dashred.core.mlflow.metric_names import metric_name
 from dashred.core.mlflow.run import flatten
 from dashred.core.mlflow.tracker import Tracker
 from dashred.core.system_errors import ExternalServiceError
-
-# MLflow is imported before the fork, so that the processes open the new store at the same time.
-OPEN_TOGETHER = """
-import multiprocessing, sys
-import mlflow
-from dashred.core.mlflow.tracker import Tracker
-
-def work(barrier, root, name):
-    barrier.wait()
-    with Tracker.open(root, "rde", name) as tracker:
-        for step in range(10):
-            tracker.log_metrics({"loss/train": 1.0 / (1 + step)}, step)
-        with tracker.child("shred") as child:
-            child.log_metrics({"rmse": 0.1}, 0)
-
-fork = multiprocessing.get_context("fork")
-barrier = fork.Barrier(4)
-names = [f"run {index}" for index in range(4)]
-started = [fork.Process(target=work, args=(barrier, sys.argv[1], name)) for name in names]
-for process in started:
-    process.start()
-for process in started:
-    process.join()
-sys.exit(max(process.exitcode for process in started))
-"""
+from tests.open_together import OPEN_TOGETHER
 
 
 @pytest.fixture(scope="module")
