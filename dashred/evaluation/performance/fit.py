@@ -41,19 +41,21 @@ def fit_exponent(sizes: Sequence[float], values: Sequence[float]) -> Exponent | 
     """Fit ``log y = log c + p log x`` by least squares; None for fewer than two sizes."""
     if len(set(sizes)) < 2:
         return None
-    found = stats.linregress(np.log(sizes), np.log(values))
-    if len(sizes) < 3:
-        return Exponent(float(found.slope), None)
-    quantile = float(stats.t.ppf((1 + LEVEL) / 2, len(sizes) - 2))
-    return Exponent(float(found.slope), quantile * float(found.stderr))
+    x, y = np.log(sizes), np.log(values)
+    slope, constant = np.polyfit(x, y, 1)
+    free = len(x) - 2
+    if free == 0:
+        return Exponent(float(slope), None)
+    variance = np.square(y - constant - slope * x).sum() / free
+    error = np.sqrt(variance / np.square(x - x.mean()).sum())
+    return Exponent(float(slope), float(stats.t.ppf((1 + LEVEL) / 2, free) * error))
 
 
 def fit_line(sizes: Sequence[float], values: Sequence[float]) -> Line | None:
     """Fit ``y = a + b x`` by least squares; None for fewer than two sizes, or without growth."""
-    growth = max(values, default=0.0) - min(values, default=0.0)
-    if len(set(sizes)) < 2 or growth == 0:
+    x, y = np.asarray(sizes, dtype=float), np.asarray(values, dtype=float)
+    if len(set(sizes)) < 2 or np.ptp(y) == 0:
         return None
-    found = stats.linregress(sizes, values)
-    rest = np.asarray(values) - found.intercept - found.slope * np.asarray(sizes)
-    misfit = float(np.abs(rest).max() / growth)
-    return Line(float(found.intercept), float(found.slope), misfit)
+    slope, constant = np.polyfit(x, y, 1)
+    misfit = np.abs(y - constant - slope * x).max() / np.ptp(y)
+    return Line(float(constant), float(slope), float(misfit))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from dashred.evaluation.benchmark.table import Grid
+from dashred.evaluation.performance.digits import three_digits
 from dashred.evaluation.performance.fit import Exponent, fit_exponent, fit_line
 from dashred.evaluation.performance.measured.setting import COLUMNS, PIECES
 from dashred.evaluation.performance.plan import GROWTHS
@@ -25,7 +26,7 @@ def growth_tables(rows: Sequence[Row]) -> list[Grid]:
             lines = [
                 [
                     _size(part, row),
-                    *(f"{row['pieces'][name]['seconds']:.3g}" for name in growth.pieces),
+                    *(three_digits(row["pieces"][name]["seconds"]) for name in growth.pieces),
                     f"{row['memory']:.0f}",
                 ]
                 for row in measured
@@ -88,7 +89,8 @@ def _interval(exponent: Exponent | None) -> str:
     if exponent is None:
         return ""
     width = "" if exponent.half_width is None else f" ± {exponent.half_width:.2f}"
-    return f"{exponent.value:.2f}{width}"
+    # Adding 0.0 converts -0.0 to 0.0.
+    return f"{round(exponent.value, 2) + 0.0:.2f}{width}"
 
 
 def _goal(part: str) -> str:
@@ -102,4 +104,4 @@ def _memory(rows: Sequence[Row]) -> str:
     line = fit_line([row["amount"] for row in rows], [row["memory"] for row in rows])
     if line is None:
         return ""
-    return f"{line.constant:.0f} + {line.slope:.3g} n (within {100 * line.misfit:.0f} %)"
+    return f"{line.constant:.0f} + {three_digits(line.slope)} n (within {100 * line.misfit:.0f} %)"

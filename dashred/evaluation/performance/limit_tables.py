@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from dashred.core.work import COLUMN_STEPS, TRAJECTORY_STEPS
 from dashred.evaluation.benchmark.table import Grid
+from dashred.evaluation.performance.digits import three_digits
 from dashred.evaluation.performance.measured.setting import COLUMNS, MARCH
 from dashred.evaluation.performance.rows import Row
 
@@ -65,11 +66,11 @@ def floor_table(rows: Sequence[Row]) -> Grid:
         [
             f"{each.grid}²",
             each.piece,
-            f"{each.operations / 1e6:.3g}",
-            f"{each.bytes / 1e6:.3g}",
-            f"{1e6 * each.floor:.3g}",
-            f"{1e6 * each.seconds:.3g}",
-            f"{each.ratio:.2g}",
+            three_digits(each.operations / 1e6),
+            three_digits(each.bytes / 1e6),
+            three_digits(1e6 * each.floor),
+            three_digits(1e6 * each.seconds),
+            f"{each.ratio:.1f}",
         ]
         for each in distances(rows)
     ]
@@ -89,10 +90,10 @@ def rates_table(rows: Sequence[Row]) -> Grid:
         lines.append(
             [
                 f"{row['size']}²",
-                *(f"{1e6 * seconds:.3g}" for seconds in transforms),
-                *(f"{operations / seconds / 1e9:.3g}" for seconds in transforms),
-                f"{rates['bandwidth'] / 1e9:.3g}",
-                f"{rates['arithmetic'] / 1e9:.3g}",
+                *(three_digits(1e6 * seconds) for seconds in transforms),
+                *(three_digits(operations / seconds / 1e9) for seconds in transforms),
+                three_digits(rates["bandwidth"] / 1e9),
+                three_digits(rates["arithmetic"] / 1e9),
             ]
         )
     header = (
@@ -110,7 +111,7 @@ def rates_table(rows: Sequence[Row]) -> Grid:
 def missed_floors(rows: Sequence[Row]) -> list[str]:
     """Return a sentence for each step that takes longer than the goal."""
     return [
-        f"{each.piece} on {each.grid}²: {each.ratio:.2g} times the floor, goal {GOAL:g}"
+        f"{each.piece} on {each.grid}²: {each.ratio:.1f} times the floor, goal {GOAL:g}"
         for each in distances(rows)
         if each.ratio > GOAL
     ]

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from dashred.evaluation.benchmark.table import Grid
+from dashred.evaluation.performance.digits import three_digits
 from dashred.evaluation.performance.rows import Row
 
 # The efficiency of cases that is aimed at, with so many workers.
@@ -46,10 +47,10 @@ def speed_up_table(rows: Sequence[Row]) -> Grid:
             WAYS[each.row["part"]],
             str(each.row["size"]),
             f"{each.row['cases']}, each {each.row['kind']}",
-            f"{each.row['seconds']:.3g}",
+            three_digits(each.row["seconds"]),
             f"{each.gain:.2f}",
             f"{each.efficiency:.2f}",
-            f"{each.row['start']:.2g}" if "start" in each.row else "",
+            three_digits(each.row["start"]) if "start" in each.row else "",
         ]
         for each in speed_ups(rows)
     ]

@@ -53,8 +53,8 @@ def test_a_step_of_the_march(burgers: Scheme) -> None:
     # Each stage: the symbol, the modes of u² and the tendency, and once more the modes of u² where
     # they are transformed; 26 arrays of modes for the sums of the step; u and u² on the grid.
     assert need.bytes == 16 * 5 * (4 * (2 + 1 + 1) + 26) + 8 * 8 * 4 * 2
-    # Each stage: a complex product that is added, and one product at each point.
-    assert need.operations == 5 * (4 * 8 + 72) + 4 * 8 * 1
+    # Each stage: a complex product that is added; at each point the square and its sign.
+    assert need.operations == 5 * (4 * 8 + 72) + 4 * 8 * 2
     assert need.all_operations(8) == need.operations + 8 * 2.5 * 8 * 3
 
 
