@@ -100,7 +100,7 @@ def test_the_store_holds_one_finished_run_with_its_stages(twin_run) -> None:
 
 
 def test_the_analysis_does_no_more_work_than_before(twin_run) -> None:
-    """A change that needs more steps or transforms shows here on any machine; lower a bound freely."""
+    """A change that needs more work shows here on any machine; lower a bound freely."""
     work = json.loads(twin_run.read("run.json"))["work"]
     assert set(work) == set(WORK)
     more = {kind: count for kind, count in work.items() if count > 1.15 * WORK[kind]}

@@ -1,7 +1,8 @@
 """Measure one setting in a process of its own; the result is one line of JSON.
 
 ``python -m dashred.evaluation.performance.measured.child '{"setting": {…}, "pieces": […], …}'``.
-The peak of the memory belongs to the process, so each row needs its own.
+The peak of the memory belongs to the process, so each row needs its own. Seconds are those of the
+CPU: with one thread, those of the clock on an idle machine. Other jobs hardly change them.
 """
 
 from __future__ import annotations
@@ -51,12 +52,12 @@ def measure(setting: Setting, pieces: list[str], repeats: int, floor: bool) -> d
 
 
 def _timed(problem: UnitProblem, name: str, repeats: int) -> dict[str, Any]:
-    """Return the seconds of a piece, and its work."""
+    """Return the CPU seconds of a piece, and its work."""
     seconds, before = [], work_done()
     for _ in range(repeats):
-        began = time.perf_counter()
+        began = time.process_time()
         problem.pieces[name]()
-        seconds.append(time.perf_counter() - began)
+        seconds.append(time.process_time() - began)
     work = {kind: (count - before.get(kind, 0)) // repeats for kind, count in work_done().items()}
     return {"seconds": min(seconds), "median": median(seconds), "work": work}
 
