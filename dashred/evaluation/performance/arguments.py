@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-from dashred.config.bundled_systems import bundled_names, check_checkout, results_root
+from dashred.config.bundled_systems import check_checkout, read_bundled_name, results_root
 from dashred.core.command_line.argument_types import (
     integer_reader,
     list_reader,
@@ -26,12 +26,6 @@ DEFAULT_PARTS = PARTS[:-1]
 def _read_part(text: str) -> str:
     if text not in PARTS:
         raise ValueError(f"there is no part {text!r}: {nearest(text, PARTS)}")
-    return text
-
-
-def _read_system(text: str) -> str:
-    if text not in bundled_names():
-        raise ValueError(f"there is no bundled system {text!r}: {nearest(text, bundled_names())}")
     return text
 
 
@@ -100,7 +94,7 @@ class Request:
         default="1,2,4,8",
     )
     systems: tuple[str, ...] = argument(
-        list_reader(_read_system),
+        list_reader(read_bundled_name),
         "pendulum,rde",
         "systems of the part stages, each a whole analysis of minutes",
         default="pendulum,rde,ks2d",
