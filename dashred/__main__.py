@@ -24,6 +24,9 @@ ANALYSIS = {
     "reference": Entry("dashred.config.reference_command", "print every configuration key"),
 }
 EVIDENCE = {
+    "benchmark": Entry(
+        "dashred.evaluation.performance.command", "measure how run time and memory grow"
+    ),
     "bench": Entry("dashred.evaluation.bench", "run many twin experiments and tabulate them"),
     "compare": Entry(
         "dashred.evaluation.compare", "run a bench and other methods on the same data"

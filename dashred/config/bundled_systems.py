@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.resources import files
 from pathlib import Path
 
-from dashred.core.errors import InputError
+from dashred.core.errors import InputError, nearest
 
 PACKAGE = Path(str(files("dashred"))).resolve()
 # The build copies conf/ into the package; in a checkout it is beside the package.
@@ -17,6 +17,17 @@ BASE = CONF / "base.yaml"
 def bundled_names() -> list[str]:
     """Return the names of the bundled systems."""
     return sorted(path.stem for path in CONF.glob("*.yaml") if path != BASE)
+
+
+def read_bundled_name(text: str) -> str:
+    """Read the name of a bundled system.
+
+    Raises:
+        ValueError: there is no such system.
+    """
+    if text not in bundled_names():
+        raise ValueError(f"there is no bundled system {text!r}: {nearest(text, bundled_names())}")
+    return text
 
 
 def results_root() -> Path:

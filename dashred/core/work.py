@@ -7,13 +7,18 @@ them with those of an earlier version of the code.
 from __future__ import annotations
 
 from collections import Counter
+from threading import Lock
 
 # Time steps of trajectories, and of columns of Jacobians: derivatives of a trajectory.
 TRAJECTORY_STEPS, COLUMN_STEPS = "trajectory steps", "column steps"
 # The same, times the number of values of a state.
 TRAJECTORY_VALUES, COLUMN_VALUES = "trajectory values", "column values"
+# Fourier transforms of one field on the whole grid, forward or back, and the same, times the number
+# of grid points.
+TRANSFORMS, TRANSFORM_VALUES = "transforms", "transform values"
 
 _done: Counter[str] = Counter()
+_lock = Lock()
 
 
 def count_trajectories(rows: int, steps: int, values: int) -> None:
@@ -24,16 +29,30 @@ def count_trajectories(rows: int, steps: int, values: int) -> None:
         steps: time steps of each.
         values: number of values of a state.
     """
-    _done[TRAJECTORY_STEPS] += rows * steps
-    _done[TRAJECTORY_VALUES] += rows * steps * values
+    _add({TRAJECTORY_STEPS: rows * steps, TRAJECTORY_VALUES: rows * steps * values})
 
 
 def count_columns(columns: int, steps: int, values: int) -> None:
     """Count columns of a Jacobian; see :func:`count_trajectories`."""
-    _done[COLUMN_STEPS] += columns * steps
-    _done[COLUMN_VALUES] += columns * steps * values
+    _add({COLUMN_STEPS: columns * steps, COLUMN_VALUES: columns * steps * values})
+
+
+def count_transforms(count: int, points: int) -> None:
+    """Count Fourier transforms.
+
+    Args:
+        count: number of transforms of one field.
+        points: number of grid points.
+    """
+    _add({TRANSFORMS: count, TRANSFORM_VALUES: count * points})
 
 
 def work_done() -> dict[str, int]:
     """Return the counts since the start of the process."""
     return dict(_done)
+
+
+def _add(counts: dict[str, int]) -> None:
+    # Columns are integrated in threads.
+    with _lock:
+        _done.update(counts)

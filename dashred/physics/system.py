@@ -32,6 +32,7 @@ from dashred.physics.grids.operators import (
     Spectral,
     Staggered,
 )
+from dashred.physics.grids.transforms import modes_of
 
 CPU = torch.device("cpu")
 
@@ -229,7 +230,7 @@ class System(Declaration):
         """
         fields = state.unbind(1)
         if self.spectral:
-            modes = torch.fft.rfftn(state, dim=self.grid.dims).unbind(1)
+            modes = modes_of(state, self.grid.shape).unbind(1)
             named = dict(zip(self.fields, map(Value, fields, modes), strict=True))
         else:
             named = dict(zip(self.fields, map(Value, fields), strict=True))

@@ -170,6 +170,13 @@ def foreign_words(words: list[str], folder: Path) -> None:
     read_words([re.sub(r"^tag=", "draw=", word) for word in words[2:]])
 
 
+def performance_words(words: list[str], folder: Path) -> None:
+    """Read the words of a measurement of run times."""
+    from dashred.evaluation.performance.arguments import read_words
+
+    read_words(arguments(words))
+
+
 def program_words(words: list[str], folder: Path) -> None:
     """Read the words of a table of programs."""
     from dashred.evaluation.programs.arguments import read_words
@@ -193,6 +200,7 @@ WORDS: dict[str, Check] = {
     r"dashred train resume=RUN_ID.*": resume_words,
     r"mlflow (ui|server) .*": mlflow_words,
     r"dashred (bench|compare) systems=.*": bench_words,
+    r"dashred benchmark.*": performance_words,
     r"dashred prove cases=.*": proof_words,
     r"dashred evaluate foreign (plan|run|document) tag=.*": foreign_words,
     r"dashred evaluate programs (run|document).*": program_words,

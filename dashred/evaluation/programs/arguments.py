@@ -5,7 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dashred.config.bundled_systems import bundled_names, check_checkout, results_root
+from dashred.config.bundled_systems import (
+    bundled_names,
+    check_checkout,
+    read_bundled_name,
+    results_root,
+)
 from dashred.core.command_line.argument_types import (
     integer_reader,
     list_reader,
@@ -19,12 +24,6 @@ BENCHMARK = "programs"
 ACTIONS = ("run", "document")
 
 
-def _read_system(text: str) -> str:
-    if text not in bundled_names():
-        raise ValueError(f"there is no bundled system {text!r}: {nearest(text, bundled_names())}")
-    return text
-
-
 @dataclass(frozen=True, kw_only=True)
 class Request:
     """Settings of one command.
@@ -34,7 +33,7 @@ class Request:
     """
 
     systems: tuple[str, ...] = argument(
-        list_reader(_read_system),
+        list_reader(read_bundled_name),
         "wave,rde",
         "bundled systems",
         default=",".join(bundled_names()),

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from dashred.physics.grids.grid import Grid
 from dashred.physics.grids.grid_value import Part, Value, combine, of_parts, on_whole_grid
+from dashred.physics.grids.transforms import modes_of, points_of
 
 Weighted = tuple[float, Tensor]
 
@@ -145,17 +146,17 @@ class Spectral:
         return on_whole_grid(combine(points), self.grid)
 
     def _forward(self, points: Tensor) -> Tensor:
-        return torch.fft.rfftn(points, dim=self.grid.dims)
+        return modes_of(points, self.grid.shape)
 
     def _back_transformed(self, parts: list[tuple[float, Part]]) -> tuple[float, Tensor | float]:
         grid = self.grid
         modes, _ = self._known_modes(of_parts(parts))
         if len(modes) == 1:
             [(weight, single)] = modes
-            parts[0][1].points = torch.fft.irfftn(single, s=grid.shape, dim=grid.dims)
+            parts[0][1].points = points_of(single, grid.shape)
             return weight, parts[0][1].points
         summed = torch.as_tensor(combine(modes))
-        return 1.0, torch.fft.irfftn(summed, s=grid.shape, dim=grid.dims)
+        return 1.0, points_of(summed, grid.shape)
 
     def _symbol(self, axis: str, order: int) -> Tensor:
         if not axis:

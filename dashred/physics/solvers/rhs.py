@@ -12,6 +12,7 @@ from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.grids.fourier_symbols import symbols
 from dashred.physics.grids.grid_value import Value, total
 from dashred.physics.grids.spectral import Spectral
+from dashred.physics.grids.transforms import modes_of, points_of
 from dashred.physics.solvers.dense_forcing import ForcingEvaluator, forcing_evaluator
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
@@ -81,7 +82,7 @@ class SpectralTendency:
     def __call__(self, modes: Tensor, t: float) -> Tensor:
         """Return N in modes, ``(batch, field, *modes)``."""
         grid = self.system.grid
-        whole = torch.fft.irfftn(modes, s=grid.shape, dim=grid.dims)
+        whole = points_of(modes, grid.shape)
         fields = map(Value, whole.unbind(1), modes.unbind(1))
         values = dict(zip(self.system.fields, fields, strict=True))
         if self.needs_coordinates:
@@ -91,7 +92,7 @@ class SpectralTendency:
             tendencies = _add(tendencies, self.forcing(values))
         rates = self.operators.stacked_modes(tendencies, like=modes[:, 0])
         if self.sampled_forcing is not None:
-            rates = rates + torch.fft.rfftn(self.sampled_forcing.at(t), dim=grid.dims)
+            rates = rates + modes_of(self.sampled_forcing.at(t), grid.shape)
         return self.dealias(rates)
 
     def dealias(self, modes: Tensor) -> Tensor:

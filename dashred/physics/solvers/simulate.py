@@ -14,6 +14,7 @@ from dashred.physics.cells.integrate import integrate_cells
 from dashred.physics.expressions.semilinear import NotSemilinearError
 from dashred.physics.external.failure import hint_of_failure
 from dashred.physics.forcing_basis import SampledForcing
+from dashred.physics.grids.transforms import modes_of, points_of
 from dashred.physics.runge_kutta import THREE_EIGHTHS, Tableau, advance
 from dashred.physics.solvers.adaptive import integrate_adaptive
 from dashred.physics.solvers.etdrk4 import StepperCache
@@ -172,10 +173,10 @@ def _integrate_spectral(
         if step.begins:
             # Every interval starts from grid values. Rounding errors create modes that belong to no
             # real field. The equations do not see them, and a linear instability amplifies them.
-            modes = tendency.dealias(torch.fft.rfftn(state, dim=grid.dims))
+            modes = tendency.dealias(modes_of(state, grid.shape))
         modes = steppers[step.h].step(modes, step.first, step.last)
         if step.ends:
-            state = torch.fft.irfftn(modes, s=grid.shape, dim=grid.dims)
+            state = points_of(modes, grid.shape)
             yield state
 
 

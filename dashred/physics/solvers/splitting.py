@@ -21,6 +21,7 @@ from torch import Tensor
 from dashred.physics.expressions.algebra import ZERO
 from dashred.physics.external.protocol import Array, Program
 from dashred.physics.forcing_basis import SampledForcing
+from dashred.physics.grids.transforms import modes_of, points_of
 from dashred.physics.program_parameters import changed_parameters, parameter_slopes
 from dashred.physics.runge_kutta import CLASSICAL, advance
 from dashred.physics.solvers.compiled.runge_kutta import CompiledRungeKutta
@@ -95,14 +96,14 @@ def _spectral_step(
 
     def advance_modes(state: Tensor, t: float, h: float) -> Tensor:
         # What the program puts into the highest modes is kept: the terms act on the others.
-        low = tendency.dealias(torch.fft.rfftn(state, dim=grid.dims))
+        low = tendency.dealias(modes_of(state, grid.shape))
         full, weight = factors(h)
         change = (full - 1) * low
         if not tendency.is_linear:
             full_half, weight_half = factors(h / 2)
             middle = full_half * low + weight_half * tendency(low, t)
             change = change + weight * tendency(middle, t + h / 2)
-        return state + torch.fft.irfftn(change, s=grid.shape, dim=grid.dims)
+        return state + points_of(change, grid.shape)
 
     return advance_modes
 

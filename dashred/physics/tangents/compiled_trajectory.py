@@ -10,6 +10,7 @@ import numpy as np
 from numba.core.errors import NumbaExperimentalFeatureWarning
 from torch import Tensor
 
+from dashred.core.work import count_transforms
 from dashred.physics.backends.numpy_backend import Array
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.solvers.compiled.etdrk4 import CompiledETDRK4, etdrk4_factors
@@ -43,6 +44,10 @@ class CompiledTrajectory:
         states = np.empty((sum(step.ends for step in steps), fields, int(np.prod(self._shape))))
         stages = np.empty((len(steps), STAGES, fields, size), dtype=np.complex128)
         rates = np.empty_like(stages)
+        # A state that is transformed to modes was transformed to the grid before.
+        turns = 2 * int(arrays.begins.sum()) + int(arrays.ends.sum())
+        made = STAGES * len(steps) * self._batch.transforms + turns * fields
+        count_transforms(made, states.shape[2])
         with warnings.catch_warnings():
             # Numba warns that first-class functions are an experimental feature.
             warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)

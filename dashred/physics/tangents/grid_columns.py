@@ -11,6 +11,7 @@ from torch import Tensor
 
 from dashred.physics.backends.torch_backend import Program as Expressions
 from dashred.physics.forcing_basis import ForcingBasis, SampledForcing
+from dashred.physics.grids.transforms import modes_of, points_of
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.rhs import dealias_mask
 from dashred.physics.solvers.splitting import AddedFlow
@@ -104,8 +105,8 @@ class GridColumns:
         """Return states ``(batch, field, *grid)`` without the highest modes, as for the law."""
         if self.mask is None:
             return states
-        dims, shape = self.system.grid.dims, self.system.grid.shape
-        return torch.fft.irfftn(torch.fft.rfftn(states, dim=dims) * self.mask, s=shape, dim=dims)
+        shape = self.system.grid.shape
+        return points_of(modes_of(states, shape) * self.mask, shape)
 
 
 def _with_law(system: System, forcing: Forcing | None) -> System:

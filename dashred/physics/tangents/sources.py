@@ -17,7 +17,7 @@ from dashred.physics.expressions.linear import split_linear
 from dashred.physics.expressions.semilinear import NotSemilinearError, SemilinearBuilder
 from dashred.physics.forcing_basis import ForcingBasis
 from dashred.physics.grids.grid_value import Value, on_whole_grid
-from dashred.physics.grids.transforms import to_modes
+from dashred.physics.grids.transforms import points_of, to_modes
 from dashred.physics.system import System, Term
 from dashred.physics.tangents.semilinear_rhs import Inputs, Modes, mode_mask, operator_symbol
 
@@ -158,7 +158,7 @@ class Sources:
         """
         assert self._others is not None
         system = self.system
-        points = torch.fft.irfftn(hats, s=system.grid.shape, dim=system.grid.dims)
+        points = points_of(hats, system.grid.shape)
         values = system.coordinates_and_inputs(times, hats.device)
         values |= dict(zip(system.fields, map(Value, points, hats), strict=True))
         result = (system.operators.on_grid(v) for v in self._others(values, system.operators))

@@ -13,9 +13,10 @@ from numba.core.errors import NumbaExperimentalFeatureWarning
 from torch import Tensor
 
 from dashred.core.threads import in_threads
+from dashred.core.work import count_transforms
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.solvers.compiled.rhs import CompiledTendency
-from dashred.physics.solvers.compiled.step import StepArrays, integrate_row
+from dashred.physics.solvers.compiled.step import STAGES, StepArrays, integrate_row
 from dashred.physics.solvers.compiled.tendency import Modes
 from dashred.physics.solvers.etdrk4 import CACHE_SIZE, coefficients
 from dashred.physics.solvers.forcing import Forcing
@@ -79,6 +80,8 @@ class CompiledETDRK4:
         states = np.full((len(start), len(times), fields, math.prod(shape)), np.nan)
         states[:, 0] = start.numpy().reshape(len(start), fields, -1)
         axes = tuple(range(1, len(shape) + 1))
+        made = STAGES * len(steps.h) * batch.transforms + steps.turns * len(start) * fields
+        count_transforms(made, math.prod(shape))
 
         def run(row: int) -> None:
             integrate_row(

@@ -154,6 +154,13 @@ class BatchTendency:
             sampled_forcing=_forcing_modes(sampled_forcing, modes),
         )
 
+    @property
+    def transforms(self) -> int:
+        """Fourier transforms of one field, for N of every row once."""
+        fields = self.linear.shape[1] * len(self.arrays.weights)
+        arrays = self.arrays
+        return fields + int(arrays.input_active.sum()) + int(arrays.channel_active.sum())
+
 
 def _forcing_modes(sampled_forcing: SampledForcing | None, modes: int) -> Modes:
     """Return the forcing in modes, ``(row, knot, field, mode)``."""

@@ -59,6 +59,11 @@ class StepArrays(NamedTuple):
             ends=np.array([step.ends for step in steps]),
         )
 
+    @property
+    def turns(self) -> int:
+        """How often a state is transformed to modes or back, at the output times."""
+        return int(self.begins.sum()) + int(self.ends.sum())
+
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
 def _advance(

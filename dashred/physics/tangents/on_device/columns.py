@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dashred.physics.grids.transforms import modes_of, points_of
 from dashred.physics.solvers.etdrk4 import Coefficients
 from dashred.physics.system import System
 from dashred.physics.tangents.on_device.stage_data import ZERO_ROW, StageData
@@ -62,11 +63,11 @@ class Columns:
 
     def in_modes(self, points: Tensor) -> Tensor:
         """Return the modes ``(field, column, *modes)`` of columns ``(field, column, *grid)``."""
-        return torch.fft.rfftn(points, dim=self.grid.dims) * self._mask
+        return modes_of(points, self.grid.shape) * self._mask
 
     def on_grid(self, modes: Tensor) -> Tensor:
         """Return the columns on the grid."""
-        return torch.fft.irfftn(modes, s=self.grid.shape, dim=self.grid.dims)
+        return points_of(modes, self.grid.shape)
 
     def step(self, u: Tensor, step: Coefficients, data: StageData, at: int) -> Tensor:
         """Return the columns after a step.
@@ -101,7 +102,7 @@ class Columns:
         n = torch.zeros_like(modes)
         n[:, self._first :] = data.rows[at, self._rows]
         if self._channel_equations:
-            hats = torch.fft.rfftn(self._channels(modes, data.slopes[:, at]), dim=self.grid.dims)
+            hats = modes_of(self._channels(modes, data.slopes[:, at]), self.grid.shape)
             for equation, symbol, hat in zip(
                 self._channel_equations, self._channel_symbols, hats, strict=True
             ):

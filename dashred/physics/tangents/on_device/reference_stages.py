@@ -9,6 +9,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from dashred.physics.grids.transforms import modes_of, points_of
 from dashred.physics.solvers.etdrk4 import Coefficients, StepperCache, coefficient_derivatives
 from dashred.physics.solvers.rhs import SpectralTendency
 from dashred.physics.solvers.schedule import Step
@@ -61,11 +62,11 @@ class ReferenceStages:
         self._calls.clear()
         for step in steps:
             if step.begins:
-                modes = self.tendency.dealias(torch.fft.rfftn(state, dim=self.grid.dims))
+                modes = self.tendency.dealias(modes_of(state, self.grid.shape))
             modes = self._steppers[step.h].step(modes, step.first, step.last)
             shifts.append(self._shifts(step.h))
             if step.ends:
-                state = torch.fft.irfftn(modes, s=self.grid.shape, dim=self.grid.dims)
+                state = points_of(modes, self.grid.shape)
                 outputs.append(state[0])
         stages = torch.cat([u for u, _ in self._calls])
         return state, modes, outputs, Stages(stages, torch.cat(shifts))

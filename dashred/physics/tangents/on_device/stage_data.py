@@ -11,6 +11,7 @@ from dashred.physics.backends.numpy_backend import Array
 from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions.algebra import Expr
 from dashred.physics.grids.grid_value import Value, on_whole_grid
+from dashred.physics.grids.transforms import modes_of, points_of
 from dashred.physics.system import System
 from dashred.physics.tangents.on_device.reference_stages import Stages
 from dashred.physics.tangents.semilinear_rhs import Inputs
@@ -105,7 +106,7 @@ class StageEvaluator:
         modes = modes.to(self.dtype.to_complex())
         rows = modes.new_zeros((len(modes), self.sources.rows + 1, *modes.shape[2:]))
         if bodies:
-            hats = torch.fft.rfftn(torch.stack(bodies), dim=self.system.grid.dims)
+            hats = modes_of(torch.stack(bodies), self.system.grid.shape)
             for row, body, symbol in self._channels:
                 rows[:, row].addcmul_(hats[body], symbol)
         for row, field, symbol in self._couplings:
@@ -130,5 +131,5 @@ class _InputTable:
         if not self.names:
             return {}
         hats = self.multipliers * modes.transpose(0, 1)[self.fields]
-        points = torch.fft.irfftn(hats, s=self.grid.shape, dim=self.grid.dims)
+        points = points_of(hats, self.grid.shape)
         return dict(zip(self.names, map(Value, points), strict=True))
