@@ -65,8 +65,10 @@ def _open(path: str) -> xr.Dataset:
         else:
             import h5netcdf  # noqa: F401
         (check_folder if engine == "zarr" else check_hdf5)(path)
-        # Arrays stay on disk until they are indexed; times are not decoded to dates.
-        return xr.open_dataset(path, engine=engine, chunks=None, decode_times=False)
+        # Arrays stay on disk until they are indexed; times are not decoded to dates. The metadata
+        # of a few arrays need no copy in one place, which not every store has.
+        options = {"consolidated": False} if engine == "zarr" else {}
+        return xr.open_dataset(path, engine=engine, chunks=None, decode_times=False, **options)
 
 
 def _check_variable(dataset: xr.Dataset, field: str, system: System, path: str) -> None:

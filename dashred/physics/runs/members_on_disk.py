@@ -213,7 +213,7 @@ def _identity(
     """Return a text that differs if anything differs that determines the members."""
     digest = hashlib.sha256()
     for tensor in (times, prior.start(torch.ones((1, prior.size)).double()), nominal):
-        digest.update(tensor.contiguous().numpy().tobytes())
+        digest.update(tensor.contiguous().numpy().data)
     terms = None
     if discrepancies is not None:
         terms = [*map(str, discrepancies.library), discrepancies.terms, discrepancies.amplitude]

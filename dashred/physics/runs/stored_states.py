@@ -63,12 +63,18 @@ class StoredStates:
         """Read ``states[member]``, ``states[member, time]``, or pairs of both as two tensors."""
         members, times = key if isinstance(key, tuple) else (key, slice(None))
         if isinstance(members, Tensor) and isinstance(times, Tensor):
-            pairs = zip(members.tolist(), times.tolist(), strict=True)
-            return torch.stack([self._read(self.members[m], t) for m, t in pairs])
+            states = torch.empty((len(members), *self.shape[2:]), dtype=torch.float64)
+            for row, (member, time) in enumerate(
+                zip(members.tolist(), times.tolist(), strict=True)
+            ):
+                states[row] = self._read(self.members[member], time)
+            return states
         assert not isinstance(members, Tensor) and not isinstance(times, Tensor)
         chosen = self.members[members]
         if isinstance(chosen, int):
             return self._read(chosen, times)
+        if not chosen:
+            return torch.zeros(self.shape, dtype=torch.float64)[:, times]
         return torch.stack([self._read(member, times) for member in chosen])
 
     def part(self, members: slice) -> StoredStates:
@@ -190,7 +196,7 @@ def blocks(states: States) -> Iterator[Block]:
     for row in range(len(states)):
         for first in range(0, samples, length):
             times = slice(first, min(first + length, samples))
-            yield Block(slice(row, row + 1), times, states[row : row + 1, times])
+            yield Block(slice(row, row + 1), times, states[row, times][None])
 
 
 def each_state(function: Callable[[Tensor], Tensor], states: States) -> Tensor:
@@ -203,10 +209,15 @@ def each_state(function: Callable[[Tensor], Tensor], states: States) -> Tensor:
     """
     if isinstance(states, Tensor):
         return function(states)
-    values = function(torch.zeros((0, *states.shape[1:]), dtype=torch.float64))
-    values = values.new_empty((*states.shape[:2], *values.shape[2:]))
+    if not len(states):
+        return function(states[:, :])
+    values = None
     for block in blocks(states):
-        values[block.members, block.times] = function(block.states)
+        found = function(block.states)
+        if values is None:
+            values = found.new_empty((*states.shape[:2], *found.shape[2:]))
+        values[block.members, block.times] = found
+    assert values is not None
     return values
 
 

@@ -13,18 +13,17 @@ from dashred.pipeline.simulation.ensemble_memory import MemoryPlan, plan_memory
 
 
 def memory_remark(plan: MemoryPlan, what: str) -> Remark:
-    """Return where the training data are kept, and the largest memory with them.
+    """Return where the training data are kept, and the largest memory of SHRED's training on them.
 
     Args:
         plan: the memory.
         what: the training data, such as ``the ensemble``.
     """
     size, peak, limit = map(memory_text, (plan.ensemble, plan.peak, plan.limit))
-    if plan.is_on_disk:
-        return Remark(
-            f"About {peak} of memory, of {limit}: {what}, {size}, is kept on disk and read in parts"
-        )
-    return Remark(f"About {peak} of memory, of {limit}: {what}, {size}, is kept in memory")
+    place = "kept on disk and read in parts" if plan.is_on_disk else "kept in memory"
+    return Remark(
+        f"Training takes about {peak} of memory, and may take {limit}: {what} of {size} is {place}"
+    )
 
 
 def ensemble_memory_remarks(context: CheckContext) -> Iterator[Remark]:

@@ -37,7 +37,7 @@ def snapshots_remarks(problem: Problem) -> Iterator[Remark]:
         f"{plural(used, 'run')} of {samples} snapshots at a step of {every:.6g}{of}, "
         f"cut into segments of {length}"
     )
-    yield memory_remark(memory_of_snapshots(problem, every), "the runs")
+    yield memory_remark(memory_of_snapshots(problem, every), "the set of runs")
     rng = np.random.default_rng(problem.config.seed)
     reader = SnapshotReader.of(snapshots, min(MAX_RUNS, used), every, rng)
     fit = problem.split.fit

@@ -26,16 +26,18 @@ SHAPE = (5, 11, 2, 6)
 
 @dataclass(frozen=True)
 class TensorReader:
-    """A reader of a tensor that counts the largest part that is read at once."""
+    """A reader of a tensor."""
 
     tensor: Tensor
     chunk: int = 3
 
     @property
     def shape(self) -> tuple[int, ...]:
+        """Shape of the tensor."""
         return tuple(self.tensor.shape)
 
     def read(self, member: int, first: int, end: int) -> Tensor:
+        """Read a part that is not empty."""
         assert 0 <= first < end <= self.shape[1]
         return self.tensor[member, first:end].clone()
 

@@ -242,9 +242,8 @@ def test_runs_that_stay_on_disk_give_the_same_findings(
 def test_a_check_tells_where_the_runs_are_kept(given, capsys, monkeypatch) -> None:
     own = f"conf={given / 'box.yaml'}"
     assert command.main([own, "simulation.memory=4 GiB"]) == 0
-    assert "is kept in memory" in " ".join(capsys.readouterr().out.split())
+    assert "of 0.3 MiB is kept in memory" in " ".join(capsys.readouterr().out.split())
     monkeypatch.setattr(ensemble_memory, "ENSEMBLE_COPIES", 1e9)
     assert command.main([own, "simulation.memory=4 GiB"]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "the runs, 0.3 MiB, is kept" not in said
-    assert "of 4 GiB: the runs" in said and "read in parts" in said
+    assert "may take 4 GiB: the set of runs of 0.3 MiB is kept on disk and read in parts" in said
