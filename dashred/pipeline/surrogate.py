@@ -105,7 +105,7 @@ def _corrected_ensemble(
             path = corrected[i].states["corrected"][: len(episode.split.fit.times)]
             rng = problem.rng(f"corrected ensemble{suffix}")
             start_prior = StartPrior(system, starts[i], prior.rms, prior.kept)
-            draw = drawing(problem, settings.members, members, f"corrected ensemble {i}")
+            draw = drawing(problem, f"corrected ensemble {i}")
             try:
                 drawn.append(
                     _members(

@@ -50,19 +50,19 @@ class Scratch:
             self._is_used = True
         return self.root / name
 
-    def check_space(self, name: str, size: int) -> None:
-        """Check that the disk has space for a folder of so many bytes, or for the rest of it.
+    def check_space(self, size: int) -> None:
+        """Check that the disk has space for so many bytes, or for the rest of them.
 
         Raises:
             InputError: it has not.
         """
         existing = next(each for each in (self.root, *self.root.parents) if each.exists())
-        files = (path for path in (self.root / name).rglob("*") if path.is_file())
+        files = (path for path in self.root.rglob("*") if path.is_file())
         written = sum(path.stat().st_size for path in files)
         free = shutil.disk_usage(existing).free
         if free + written < size + MARGIN:
             raise InputError(
-                f"the ensemble takes {memory_text(size)} on disk, but only {memory_text(free)} are "
+                f"the ensembles take {memory_text(size)} on disk, but only {memory_text(free)} are "
                 "free there",
                 where=str(self.root),
                 hint="write elsewhere, output=DIR; or choose fewer simulation.members, or a larger "

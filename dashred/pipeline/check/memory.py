@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 from dashred.core.stated.memory import memory_text
 from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.remark import Remark
 from dashred.pipeline.input.scratch_folder import scratch_of
-from dashred.pipeline.simulation.ensemble_memory import MemoryPlan, plan_memory
+from dashred.pipeline.simulation.ensemble_memory import MemoryPlan, bytes_on_disk, memory_of_run
 
 
 def memory_remark(plan: MemoryPlan, what: str) -> Remark:
@@ -32,20 +31,13 @@ def ensemble_memory_remarks(context: CheckContext) -> Iterator[Remark]:
     Raises:
         InputError: they do not fit into the limit, or onto the disk.
     """
-    config, system = context.config, context.system
-    values = len(system.fields) * math.prod(system.grid.shape)
+    config, system, fitted = context.config, context.system, len(context.split.fit.times)
     recorded = len(context.times) + sum(len(other.times) for other in context.others.values())
-    fitted = len(context.split.fit.times)
-    members = max(config.simulation.members, config.surrogate.members)
-    plan = plan_memory(config, values, fitted, recorded, members)
+    plan = memory_of_run(config, system, fitted, recorded)
     yield memory_remark(plan, "the ensemble")
     if plan.is_on_disk:
-        sha256 = "" if context.problem is None else context.problem.recording_sha256
-        counts = {
-            "ensemble": config.simulation.members,
-            "corrected ensemble": config.surrogate.members,
-        }
-        scratch = scratch_of(config, sha256)
-        size = 8 * values * fitted * sum(counts.values())
-        scratch.check_space("", size)
+        size = bytes_on_disk(config, system, fitted)
+        known = context.problem
+        scratch = scratch_of(config, "" if known is None else known.recording_sha256)
+        scratch.check_space(size)
         yield Remark(f"Both ensembles take {memory_text(size)} in {scratch.root} during the run")

@@ -68,7 +68,7 @@ class MemoryPlan:
 
 
 def plan_memory(
-    config: Config, values: int, samples: int, recorded: int, members: int
+    config: Config, values: int, samples: int, recorded: int, members: int, kept: int = 0
 ) -> MemoryPlan:
     """Return the memory for an ensemble and the training on it.
 
@@ -78,6 +78,7 @@ def plan_memory(
         samples: number of samples of a member.
         recorded: number of samples of the recording.
         members: number of members.
+        kept: number of members of another ensemble that is kept meanwhile.
 
     Raises:
         InputError: not even an ensemble on disk keeps within the limit.
@@ -93,7 +94,8 @@ def plan_memory(
     fixed = CODE_BYTES + RECORD_COPIES * 8 * values * recorded + MODE_COPIES * modes
     whole = 8 * values * samples
     work = max(min(ensemble, WORK_BYTES), min(whole, WORK_BYTES), min(ensemble, 2 * GROUP_BYTES))
-    plan = MemoryPlan(ensemble, math.ceil(fixed + ENSEMBLE_COPIES * ensemble), fixed + work, limit)
+    in_memory = fixed + ENSEMBLE_COPIES * ensemble + whole * kept
+    plan = MemoryPlan(ensemble, math.ceil(in_memory), fixed + work, limit)
     if plan.is_on_disk and plan.on_disk > limit:
         raise InputError(
             f"the run needs about {memory_text(plan.on_disk)} even with the ensemble on disk, more "
@@ -122,42 +124,55 @@ class Draw(Protocol):
         """Return the ensemble."""
 
 
-def memory_of(problem: Problem, members: int) -> MemoryPlan:
-    """Return the memory for an ensemble over the fit window.
+def memory_of(problem: Problem) -> MemoryPlan:
+    """Return :func:`memory_of_run` of a recording."""
+    episodes = (*problem.episodes, *problem.whole)
+    recorded = sum(len(episode.times) for episode in episodes)
+    return memory_of_run(problem.config, problem.system, len(problem.split.fit.times), recorded)
+
+
+def memory_of_run(config: Config, system: System, fitted: int, recorded: int) -> MemoryPlan:
+    """Return the memory for the larger of the two ensembles of a run, beside the other.
 
     Args:
-        problem: the recording.
-        members: number of members, of all episodes together.
+        config: settings of the run.
+        system: the simulator.
+        fitted: number of samples of the fit window.
+        recorded: number of samples of all episodes.
 
     Raises:
-        InputError: not even an ensemble on disk keeps within the limit.
+        InputError: not even ensembles on disk keep within the limit.
     """
-    episodes = (*problem.episodes, *problem.whole)
-    return plan_memory(
-        problem.config,
-        len(problem.system.fields) * math.prod(problem.system.grid.shape),
-        len(problem.split.fit.times),
-        sum(len(episode.times) for episode in episodes),
-        members,
-    )
+    smaller, larger = sorted(_members(config))
+    return plan_memory(config, _values(system), fitted, recorded, larger, smaller)
 
 
-def drawing(problem: Problem, members: int, own: int, name: str) -> Draw:
+def bytes_on_disk(config: Config, system: System, fitted: int) -> int:
+    """Return the bytes of both ensembles of a run, over a fit window of so many samples."""
+    return 8 * _values(system) * fitted * sum(_members(config))
+
+
+def _members(config: Config) -> tuple[int, int]:
+    return config.simulation.members, config.surrogate.members
+
+
+def _values(system: System) -> int:
+    """Return the number of values of a state."""
+    return len(system.fields) * math.prod(system.grid.shape)
+
+
+def drawing(problem: Problem, name: str) -> Draw:
     """Return the function that simulates members of an ensemble, in memory or to disk.
 
     Args:
         problem: the recording.
-        members: number of members of the whole ensemble.
-        own: number of members that the function simulates: those of one episode.
         name: of the folder of these members.
 
     Raises:
-        InputError: see :func:`memory_of`; or the disk has too little space.
+        InputError: see :func:`memory_of`.
     """
-    plan = memory_of(problem, members)
-    if not plan.is_on_disk:
+    if not memory_of(problem).is_on_disk:
         return draw_ensemble
-    problem.scratch.check_space(name, math.ceil(plan.ensemble * own / members))
 
     def draw(
         system: System,
@@ -186,13 +201,13 @@ def drawing(problem: Problem, members: int, own: int, name: str) -> Draw:
     return draw
 
 
-def check_in_memory(problem: Problem, members: int) -> None:
+def check_in_memory(problem: Problem) -> None:
     """Refuse an ensemble that is made in memory only, if it takes too much.
 
     Raises:
         InputError: it does.
     """
-    plan = memory_of(problem, members)
+    plan = memory_of(problem)
     if plan.is_on_disk:
         raise InputError(
             "the simulator does not stay within bounds, and the states along the readings that "

@@ -14,7 +14,12 @@ from dashred.physics.runs.ensemble import Discrepancies, Ensemble
 from dashred.physics.runs.stored_states import JoinedReader, StoredStates
 from dashred.physics.solvers.simulate import simulate
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation.ensemble_memory import check_in_memory, drawing
+from dashred.pipeline.simulation.ensemble_memory import (
+    bytes_on_disk,
+    check_in_memory,
+    drawing,
+    memory_of,
+)
 from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.simulation.nudging import nudged_ensemble
 from dashred.pipeline.simulation.program_cost import check_time
@@ -26,12 +31,14 @@ def simulate_ensemble(problem: Problem, nominal: NominalRun, seconds: dict[str, 
     """Draw the simulations on which SHRED is trained, over the fit window.
 
     Raises:
-        InputError: too few stay within bounds.
+        InputError: too few stay within bounds, or the disk has too little space for them.
         OutOfTimeError: there is no time for them.
     """
     settings = problem.config.simulation
     check_time(problem, settings.members, "simulate the ensemble")
     count = len(problem.split.fit.times)
+    if memory_of(problem).is_on_disk:
+        problem.scratch.check_space(bytes_on_disk(problem.config, problem.system, count))
     discrepancies = None
     if settings.discrepancy:
         discrepancies = Discrepancies(problem.library, settings.terms, settings.amplitude)
@@ -42,7 +49,7 @@ def simulate_ensemble(problem: Problem, nominal: NominalRun, seconds: dict[str, 
         paths = (paths[0],) * len(problem.episodes)
     with stage("simulate the ensemble", seconds) as report:
         drawn = [
-            drawing(problem, settings.members, members, f"ensemble {i}")(
+            drawing(problem, f"ensemble {i}")(
                 episode.ensemble_system,
                 times,
                 nominal.prior,
@@ -84,7 +91,7 @@ def simulate_corrected_ensemble(
     Raises:
         OutOfTimeError: the time for SHRED is over.
     """
-    check_in_memory(problem, problem.config.simulation.members)
+    check_in_memory(problem)
     rng = problem.rng("ensemble")
     pool = torch.cat(list(states))
     low, high = pool.amin(dim=0), pool.amax(dim=0)
@@ -114,7 +121,7 @@ def ensemble_of_states(problem: Problem, states: Sequence[Tensor]) -> Ensemble:
         problem: the recording.
         states: fitted states of each episode, ``(time, field)``: all its members.
     """
-    check_in_memory(problem, problem.config.simulation.members)
+    check_in_memory(problem)
     elapsed = problem.times[: len(problem.split.fit.times)]
     drawn = []
     for index, (_, times, members, _) in enumerate(
@@ -134,7 +141,7 @@ def simulate_nudged_ensemble(
 
     They are corrected towards the readings at every sample.
     """
-    check_in_memory(problem, problem.config.simulation.members)
+    check_in_memory(problem)
     rng = problem.rng("ensemble")
     with stage("simulate the ensemble", seconds) as report:
         drawn = [

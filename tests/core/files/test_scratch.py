@@ -72,11 +72,11 @@ def test_a_disk_that_is_too_small_is_refused(
     monkeypatch.setattr("dashred.core.files.scratch.MARGIN", 0)
     usage = SimpleNamespace(free=1000)
     monkeypatch.setattr("dashred.core.files.scratch.shutil.disk_usage", lambda path: usage)
-    scratch.check_space("ensemble", 1000)
+    scratch.check_space(1000)
     with pytest.raises(InputError, match="on disk, but only") as error:
-        scratch.check_space("ensemble", 1001)
+        scratch.check_space(1001)
     assert error.value.where == str(scratch.root) and "output=DIR" in str(error.value.hint)
     # What is written of it already is not needed again.
     with scratch.removed_at_the_end():
         use(scratch)
-        scratch.check_space("ensemble", 1001)
+        scratch.check_space(1001)

@@ -26,7 +26,7 @@ def main() -> None:
     """Print the largest memory, the planned one, both in bytes, and the error of the network."""
     set_up_torch(1)
     problem = build_problem(load_config([f"conf={sys.argv[1]}", *sys.argv[2:]], entry="test"))
-    plan = memory_of(problem, problem.config.simulation.members)
+    plan = memory_of(problem)
     with problem.scratch.removed_at_the_end(), shown_on(Silent()):
         ensemble = simulate_ensemble(problem, simulate_nominal(problem, {}), {})
         network = train_shred(problem, ensemble, NullTracker(), {}, "SHRED")

@@ -21,6 +21,8 @@ from dashred.inference.initial_state.first_guesses import (
 from dashred.physics.runs import ensemble_store, members_on_disk, stored_states
 from dashred.physics.runs.stored_states import StoredStates
 from dashred.physics.terms.library import resolve
+from dashred.pipeline.check.context import build_check_context
+from dashred.pipeline.check.memory import ensemble_memory_remarks
 from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.networks.training import train_shred
 from dashred.pipeline.problem import Problem
@@ -238,7 +240,27 @@ def test_a_disk_that_is_too_small_ends_the_run_before_the_ensemble(
     assert not (ended.output / ".ensembles").exists()
 
 
-def test_an_ensemble_of_several_episodes_counts_all_its_members(case: Path, tmp_path: Path) -> None:
-    problem = problem_of(case, tmp_path)
-    whole = memory_of(problem, 24).ensemble
-    assert whole == 8 * 32 * len(problem.split.fit.times) * 24
+def test_the_larger_ensemble_is_planned_beside_the_other(case: Path, tmp_path: Path) -> None:
+    plain = memory_of(problem_of(case, tmp_path))
+    problem = problem_of(case, tmp_path, "surrogate.members=48")
+    larger, state = memory_of(problem), 8 * 32 * len(problem.split.fit.times)
+    assert plain.ensemble == 24 * state and larger.ensemble == 48 * state
+    grown = ensemble_memory.ENSEMBLE_COPIES * 24 + 12
+    assert larger.in_memory - plain.in_memory == pytest.approx(grown * state, rel=0.1)
+
+
+def test_a_check_tells_where_the_ensembles_are_kept(
+    case: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = (f"conf={case}", f"output={tmp_path / 'output'}", "simulation.memory=4 GiB")
+    context = build_check_context(load_config(words, entry="check"))
+    [remark] = ensemble_memory_remarks(context)
+    assert "may take 4 GiB: the ensemble of 0.19 MiB is kept in memory" in remark.text
+    monkeypatch.setattr(ensemble_memory, "ENSEMBLE_COPIES", 1e9)
+    where, space = ensemble_memory_remarks(context)
+    assert "kept on disk and read in parts" in where.text
+    assert f"0.29 MiB in {tmp_path / 'output' / '.ensembles'}" in space.text
+    assert not (tmp_path / "output").exists()
+    monkeypatch.setattr("dashred.core.files.scratch.MARGIN", 2**60)
+    with pytest.raises(InputError, match="on disk, but only"):
+        list(ensemble_memory_remarks(context))
