@@ -22,6 +22,7 @@ from dashred.physics.runs.ensemble import (
     StartDistribution,
     draw_ensemble,
 )
+from dashred.physics.runs.initial_state_prior import fitted_modes
 from dashred.physics.runs.members_on_disk import WORK_BYTES, draw_ensemble_to_disk
 from dashred.physics.solvers.simulate import Progress
 from dashred.physics.system import System
@@ -36,6 +37,8 @@ CODE_BYTES = 900 * 2**20
 ENSEMBLE_COPIES = 4.5
 # Copies of a simulation of the record: the nominal run, its derivatives, and the estimates.
 RECORD_COPIES = 8
+# Copies of the modes of a random start, while their number is chosen.
+START_COPIES = 2
 # Copies of the modes of a network, in float64: while they are orthogonalised, and as its weights.
 MODE_COPIES = 4
 
@@ -68,7 +71,13 @@ class MemoryPlan:
 
 
 def plan_memory(
-    config: Config, values: int, samples: int, recorded: int, members: int, kept: int = 0
+    config: Config,
+    values: int,
+    samples: int,
+    recorded: int,
+    members: int,
+    kept: int = 0,
+    start_modes: int = 0,
 ) -> MemoryPlan:
     """Return the memory for an ensemble and the training on it.
 
@@ -79,6 +88,7 @@ def plan_memory(
         recorded: number of samples of the recording.
         members: number of members.
         kept: number of members of another ensemble that is kept meanwhile.
+        start_modes: number of modes of a random start.
 
     Raises:
         InputError: not even an ensemble on disk keeps within the limit.
@@ -91,7 +101,8 @@ def plan_memory(
     )
     ensemble = 8 * values * samples * members
     modes = 8 * values * min(config.shred.modes, samples * members)
-    fixed = CODE_BYTES + RECORD_COPIES * 8 * values * recorded + MODE_COPIES * modes
+    states = RECORD_COPIES * recorded + START_COPIES * start_modes
+    fixed = CODE_BYTES + 8 * values * states + MODE_COPIES * modes
     whole = 8 * values * samples
     work = max(min(ensemble, WORK_BYTES), min(whole, WORK_BYTES), min(ensemble, 2 * GROUP_BYTES))
     in_memory = fixed + ENSEMBLE_COPIES * ensemble + whole * kept
@@ -144,7 +155,8 @@ def memory_of_run(config: Config, system: System, fitted: int, recorded: int) ->
         InputError: not even ensembles on disk keep within the limit.
     """
     smaller, larger = sorted(_members(config))
-    return plan_memory(config, _values(system), fitted, recorded, larger, smaller)
+    modes = fitted_modes(system) if system.axes and config.system.spread else 0
+    return plan_memory(config, _values(system), fitted, recorded, larger, smaller, modes)
 
 
 def bytes_on_disk(config: Config, system: System, fitted: int) -> int:
