@@ -9,9 +9,10 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.models.lag_windows import windows
-from dashred.models.pod import POD
 from dashred.models.scaler import Scaler
+from dashred.models.stored_pod import fit_pod
 from dashred.physics.runs.ensemble import Ensemble
+from dashred.physics.runs.stored_states import States, each_state, part
 from datamodules.batches import Batches, Share, ordered_batches, shuffled_batches
 
 VALIDATION_BATCH = 1024
@@ -60,27 +61,30 @@ class SimulationDataModule(LightningDataModule):
             "validation": range(members - held_out, members - held_out // 2),
             "test": range(members - held_out // 2, members),
         }
-        training = ensemble.states[: members - held_out]
-        self.pod = POD.fit(training.flatten(0, 1), modes)
+        self.pod = fit_pod(part(ensemble.states, slice(0, members - held_out)), modes)
         self.scaler = Scaler.fit(self.observed("train"))
         self.spread = self.coefficients("train").flatten(0, 1).std(dim=0)
 
-    def states(self, part: str) -> Float[Tensor, "member time ..."]:
+    def states(self, name: str) -> States:
         """Return the trajectories of one part: train, validation or test."""
-        return self.ensemble.states[list(self.members[part])]
+        states, members = self.ensemble.states, self.members[name]
+        # A copy begins at an address of its own, on which the rounding of sums depends.
+        if isinstance(states, Tensor):
+            return states[list(members)]
+        return states.part(slice(members.start, members.stop))
 
-    def observed(self, part: str) -> Float[Tensor, "member time sensor"]:
+    def observed(self, name: str) -> Float[Tensor, "member time sensor"]:
         """Return the noise-free values of the input sensors for one part."""
-        return self.operator(self.states(part))
+        return each_state(self.operator, self.states(name))
 
-    def coefficients(self, part: str) -> Float[Tensor, "member time mode"]:
+    def coefficients(self, name: str) -> Float[Tensor, "member time mode"]:
         """Return the POD coefficients of one part."""
-        return self.pod.encode(self.states(part))
+        return each_state(self.pod.encode, self.states(name))
 
-    def noisy_windows(self, part: str) -> Float[Tensor, "member time lag sensor"]:
+    def noisy_windows(self, name: str) -> Float[Tensor, "member time lag sensor"]:
         """Return windows of noisy histories; the seed and the part determine the noise."""
-        traces = self.observed(part)
-        generator = torch.Generator().manual_seed(self.seed * 2 + (part == "test"))
+        traces = self.observed(name)
+        generator = torch.Generator().manual_seed(self.seed * 2 + (name == "test"))
         noise = torch.randn(traces.shape, generator=generator, dtype=traces.dtype)
         return windows(traces + self.noise * noise, self.lags)
 

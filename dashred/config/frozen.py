@@ -24,6 +24,7 @@ LATER_KEYS = (
     ("recording", "angles"),
     ("recording", "average"),
     ("recording", "calibration"),
+    ("simulation", "memory"),
 )
 
 

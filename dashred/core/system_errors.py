@@ -16,7 +16,10 @@ OWN_PACKAGES = frozenset({"dashred", "datamodules", "callbacks"})
 FREE_SPACE = "free some space there, or write elsewhere: output=DIR tracking.root=DIR"
 WRITE_PERMISSION = "grant write permission there, or write elsewhere: output=DIR tracking.root=DIR"
 READ_PERMISSION = "grant read permission"
-MEMORY = "close other programs, or reduce the axes' points, simulation.members or threads"
+MEMORY = (
+    "close other programs, keep a large ensemble on disk, simulation.memory='2 GiB', or reduce the "
+    "axes' points or threads"
+)
 LOCKED = "end the process that uses the MLflow store, or choose another: tracking.root=DIR"
 INSTALL = "`make setup` installs what is needed in a checkout; elsewhere: pip install dashred"
 HINTS = {

@@ -61,7 +61,7 @@ class POD(nn.Module):
         scale = torch.where(scale > 0, scale, torch.ones_like(scale))
         scaled = (states.reshape(samples, fields, -1) / scale[:, None]).reshape(samples, -1)
         mean = scaled.mean(dim=0)
-        chosen = _subset(*scaled.shape)
+        chosen = subset(*scaled.shape)
         basis, energy = _principal_modes(scaled[chosen] - mean, modes)
         return cls(mean, basis, scale, energy, tuple(states.shape[2:]))
 
@@ -81,7 +81,7 @@ class POD(nn.Module):
         return fields.reshape(*batch, len(self.scale), *self.grid)
 
 
-def _subset(samples: int, cells: int) -> Tensor:
+def subset(samples: int, cells: int) -> Tensor:
     """Return the indices of the samples that give the modes, in order; the same in every run."""
     if min(samples, cells) <= LARGEST_GRAM:
         return torch.arange(samples)
@@ -95,15 +95,30 @@ def _principal_modes(
     samples, cells = anomalies.shape
     # The smaller Gram matrix is much cheaper than an SVD, and accurate enough for the modes.
     gram = anomalies @ anomalies.T if samples < cells else anomalies.T @ anomalies
+    modes, eigenvalues = leading_eigenvectors(gram, count)
+    if samples < cells:
+        modes = torch.linalg.qr(anomalies.T @ (modes / eigenvalues.sqrt())).Q
+    return oriented(modes), eigenvalues / gram.diagonal().sum()
+
+
+def leading_eigenvectors(
+    gram: Float[Tensor, "row row"], count: int
+) -> tuple[Float[Tensor, "row mode"], Float[Tensor, " mode"]]:
+    """Return at most ``count`` eigenvectors and eigenvalues of a Gram matrix, the largest first.
+
+    Raises:
+        ValueError: all states are equal.
+    """
     eigenvalues, vectors = torch.linalg.eigh(gram)
     eigenvalues, vectors = eigenvalues.flip(0), vectors.flip(1)
     kept = min(count, int((eigenvalues > EIGENVALUE_TOLERANCE * eigenvalues[0]).sum()))
     if kept == 0:
         raise ValueError("all states are equal: they have no modes")
-    modes = vectors[:, :kept]
-    if samples < cells:
-        modes = torch.linalg.qr(anomalies.T @ (modes / eigenvalues[:kept].sqrt())).Q
-    # The sign of an eigenvector is arbitrary: make its largest entry positive on every machine.
+    return vectors[:, :kept], eigenvalues[:kept]
+
+
+def oriented(modes: Float[Tensor, "cell mode"]) -> Float[Tensor, "mode cell"]:
+    """Return the modes as rows, with signs that are the same on every machine."""
+    # The sign of an eigenvector is arbitrary: make its largest entry positive.
     peaks = modes.gather(0, modes.abs().argmax(dim=0, keepdim=True))
-    energy = eigenvalues[:kept] / gram.diagonal().sum()
-    return (modes * peaks.sign()).T.contiguous(), energy
+    return (modes * peaks.sign()).T.contiguous()

@@ -24,6 +24,7 @@ from dashred.pipeline.discovery.segments.segment_stage import (
 from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.networks import assimilation, training
 from dashred.pipeline.outputs import report
+from dashred.pipeline.problem import Problem
 from dashred.pipeline.run import provenance
 from dashred.pipeline.run.analysis_cluster import analysis_cluster
 from dashred.pipeline.run.checkpoints import Checkpoints, Stages
@@ -158,6 +159,12 @@ def _analyse(config: Config) -> Path:
     # that the first run finds what later ones find.
     compile_integrators(config.system)
     problem = build_problem(config)
+    with problem.scratch.removed_at_the_end():
+        return _analyse_problem(problem)
+
+
+def _analyse_problem(problem: Problem) -> Path:
+    config = problem.config
     named = named_output(config)
     seconds: dict[str, float] = {}
     clock = time.perf_counter()

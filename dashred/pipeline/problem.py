@@ -11,6 +11,7 @@ from torch import Tensor
 
 from dashred.config import Config
 from dashred.core.budget import Budget, Deadline
+from dashred.core.files.scratch import Scratch
 from dashred.core.findings.cause_schema import FaultySensor
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.recording import Recording
@@ -51,6 +52,7 @@ class Problem:
         split: roles of the sensors, and the parts of the recording.
         noise: standard deviation σ of the noise by sensor, in the unit of the sensor, as stated or
             estimated. It covers the fit and validation sensors and uses no held-out data.
+        scratch: folder for an ensemble that does not fit into memory.
         name: name of the episode.
         extensions: terms of the library that were added to it, because without them it could not
             explain the recording.
@@ -78,6 +80,7 @@ class Problem:
     clock: str
     split: Split
     noise: dict[str, float]
+    scratch: Scratch
     name: str = ""
     extensions: tuple[Term, ...] = ()
     left_out: Mapping[Term, str | Term] = field(default_factory=dict)

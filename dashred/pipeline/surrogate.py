@@ -21,13 +21,14 @@ from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.models.latency import seconds_per_step
 from dashred.models.shred import reconstruct
 from dashred.models.surrogate_model import log_surrogate
-from dashred.physics.runs.ensemble import Ensemble, draw_ensemble
+from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.initial_state_prior import StartPrior
 from dashred.physics.solvers.simulate import Progress, simulate
 from dashred.physics.system import System
 from dashred.pipeline.networks.assimilation import sensor_data
 from dashred.pipeline.networks.training import TrainedNetwork, train_shred
 from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation.ensemble_memory import Draw, drawing
 from dashred.pipeline.simulation.ensembles import join_ensembles, split_members
 from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.simulation.program_cost import check_time
@@ -104,10 +105,19 @@ def _corrected_ensemble(
             path = corrected[i].states["corrected"][: len(episode.split.fit.times)]
             rng = problem.rng(f"corrected ensemble{suffix}")
             start_prior = StartPrior(system, starts[i], prior.rms, prior.kept)
+            draw = drawing(problem, f"corrected ensemble {i}")
             try:
                 drawn.append(
                     _members(
-                        system, times, start_prior, settings.spread, path, members, rng, progress
+                        draw,
+                        system,
+                        times,
+                        start_prior,
+                        settings.spread,
+                        path,
+                        members,
+                        rng,
+                        progress,
                     )
                 )
             except InputError:
@@ -138,6 +148,7 @@ def _ensemble_system(episode: Problem, law: Law, start: Tensor, times: Tensor) -
 
 
 def _members(
+    draw: Draw,
     system: System,
     times: Tensor,
     prior: StartPrior,
@@ -152,11 +163,11 @@ def _members(
     If too few of them stay within the range of the corrected run, the spread is reduced.
     """
 
-    def draw(factor: float) -> Ensemble:
+    def scaled(factor: float) -> Ensemble:
         starts = ScaledStart(prior, factor * spread)
-        return draw_ensemble(system, times, starts, path, members, None, rng, progress)
+        return draw(system, times, starts, path, members, None, rng, progress)
 
     for factor in SPREAD_FACTORS:
         with suppress(InputError):
-            return draw(factor)
-    return draw(LAST_FACTOR)
+            return scaled(factor)
+    return scaled(LAST_FACTOR)

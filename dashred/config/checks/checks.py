@@ -22,6 +22,7 @@ from dashred.core.limits import Limit
 from dashred.core.stated.average import parse_average
 from dashred.core.stated.calibration import parse_calibration
 from dashred.core.stated.column_names import parse_columns
+from dashred.core.stated.memory import parse_memory
 from dashred.core.stated.noise import parse_noise
 from dashred.core.stated.record_part import parse_part
 from dashred.physics.system_schema import System
@@ -51,6 +52,8 @@ def check(settings: Settings, where: Where) -> None:
             where=where("simulation.held_out"),
             hint=f"it must be less than simulation.members, {settings.simulation.members}",
         )
+    if settings.simulation.memory is not None:
+        parse_memory(settings.simulation.memory, where("simulation.memory"))
     _check_cluster(settings, where)
     if not DEVICE.match(settings.device):
         raise InputError(

@@ -39,6 +39,11 @@ class Simulation:
     the longest of 1, 2, 4 and 8 times system.integrator.dt that changes readings by less than 1 %
     of their std."""
 
+    memory: str | None
+    """Memory that a run may take to simulate the ensemble and to train on it, such as ``4 GiB``. An
+    ensemble that would take more is written to disk and read in parts. Null takes half of the
+    machine's memory."""
+
 
 @dataclass
 class Shred:

@@ -14,8 +14,7 @@ def state_folder(*names: str) -> Path:
     Raises:
         InputError: the folder cannot be created.
     """
-    base = Path(os.environ.get("XDG_STATE_HOME") or "~/.local/state").expanduser() / "dashred"
-    folder = base.joinpath(*names)
+    folder = state_path(*names)
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
@@ -25,3 +24,9 @@ def state_folder(*names: str) -> Path:
             hint="choose another with the environment variable XDG_STATE_HOME",
         ) from None
     return folder
+
+
+def state_path(*names: str) -> Path:
+    """Return the path of a folder below ``$XDG_STATE_HOME/dashred``, which need not exist."""
+    base = Path(os.environ.get("XDG_STATE_HOME") or "~/.local/state").expanduser() / "dashred"
+    return base.joinpath(*names)

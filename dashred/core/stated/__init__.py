@@ -1,1 +1,1 @@
-"""Parsing of what a configuration states of a recording, shared by its checks and its readers."""
+"""Parsing of what a configuration states, shared by its checks and its readers."""

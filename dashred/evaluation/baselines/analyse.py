@@ -80,36 +80,37 @@ def analyse(config: Config) -> None:
     if problem.others:
         fault = "the baselines read one episode, and the recording has several"
         raise InputError(fault, where=config.recording.path)
-    nominal = simulate_nominal(problem, {})
-    problem = keep_identifiable_terms(
-        problem, StateSamples(problem.system, nominal.states, problem.times)
-    )
-    unchanged = replace(problem, config=_plain(config))
-    plain_seconds: dict[str, float] = {}
-    plain = simulate_ensemble(unchanged, nominal, plain_seconds)
-    keep = config.tracking
-    experiment = keep.experiment or config.name
-    with Tracker.open(
-        keep.root, experiment, "baselines", parent=keep.parent, artifacts=keep.artifacts
-    ) as run:
-        methods: dict[str, tuple[Callable[[], Estimate | None], dict[str, float]]] = {
-            "closed_form": (partial(closed_form, problem, nominal.prior), {}),
-            "optimal_interpolation": (
-                partial(optimal_interpolation, problem, plain),
-                plain_seconds,
-            ),
-            "shred_plain": (partial(plain_shred, unchanged, plain, run), plain_seconds),
-            "filter_state": (partial(filter_state, problem, plain), plain_seconds),
-            "filter_augmented": (
-                partial(filter_augmented, problem, plain, nominal.states),
-                plain_seconds,
-            ),
-        }
-        ended = {
-            name: attempt(method, sum(simulations.values()))
-            for name, (method, simulations) in methods.items()
-        }
-        _write(make_output(config.output), problem, ended, run.run_id)
+    with problem.scratch.removed_at_the_end():
+        nominal = simulate_nominal(problem, {})
+        problem = keep_identifiable_terms(
+            problem, StateSamples(problem.system, nominal.states, problem.times)
+        )
+        unchanged = replace(problem, config=_plain(config))
+        plain_seconds: dict[str, float] = {}
+        plain = simulate_ensemble(unchanged, nominal, plain_seconds)
+        keep = config.tracking
+        experiment = keep.experiment or config.name
+        with Tracker.open(
+            keep.root, experiment, "baselines", parent=keep.parent, artifacts=keep.artifacts
+        ) as run:
+            methods: dict[str, tuple[Callable[[], Estimate | None], dict[str, float]]] = {
+                "closed_form": (partial(closed_form, problem, nominal.prior), {}),
+                "optimal_interpolation": (
+                    partial(optimal_interpolation, problem, plain),
+                    plain_seconds,
+                ),
+                "shred_plain": (partial(plain_shred, unchanged, plain, run), plain_seconds),
+                "filter_state": (partial(filter_state, problem, plain), plain_seconds),
+                "filter_augmented": (
+                    partial(filter_augmented, problem, plain, nominal.states),
+                    plain_seconds,
+                ),
+            }
+            ended = {
+                name: attempt(method, sum(simulations.values()))
+                for name, (method, simulations) in methods.items()
+            }
+            _write(make_output(config.output), problem, ended, run.run_id)
 
 
 def attempt(method: Callable[[], Estimate | None], simulated: float) -> Outcome:

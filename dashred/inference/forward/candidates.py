@@ -23,8 +23,9 @@ from dashred.physics.program_parameters import parameter_term
 from dashred.physics.runs.tendency_size import program_slopes, tendency_size
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
+from dashred.physics.terms.collinear_terms import COLLINEARITY_TOLERANCE
 from dashred.physics.terms.let_terms import resolved_let_term
-from dashred.physics.terms.library import COLLINEARITY_TOLERANCE, resolve
+from dashred.physics.terms.library import resolve
 from dashred.physics.window import Window
 
 # Number of states at which a program is asked for the effects of its parameters.

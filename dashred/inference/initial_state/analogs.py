@@ -6,6 +6,7 @@ also contains every such state shifted along the axes, because a shifted solutio
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -19,11 +20,14 @@ from dashred.data.sensors import Sensor
 from dashred.physics.expressions.algebra import names
 from dashred.physics.grids.grid import Axis
 from dashred.physics.runs.ensemble import Ensemble
+from dashred.physics.runs.stored_states import each_state
 from dashred.physics.system import System, Term
 from dashred.physics.terms.library import resolve
 
 # Largest number of shifts of a state, over all axes.
 SHIFTS = 64
+# Bytes of the weights of an observation operator, at most.
+WEIGHT_BYTES = 2**29
 
 
 @dataclass(frozen=True)
@@ -73,8 +77,13 @@ def nearest_analogs(
     shifted = [_shifted_sensor(sensor, system, shift) for shift in shifts for sensor in sensors]
     # If the equations depend on time, an analog must have the time of the first sample.
     states = ensemble.states[:, :window] if system.clock & dependencies else ensemble.states
-    read = ObservationOperator(shifted, system)(states)
-    read = read.unflatten(-1, (len(shifts), len(sensors)))
+    # Each sensor has a weight for every point of the grid.
+    together = max(1, WEIGHT_BYTES // (8 * math.prod(system.grid.shape)))
+    parts = [
+        each_state(ObservationOperator(shifted[first : first + together], system), states)
+        for first in range(0, len(shifted), together)
+    ]
+    read = torch.cat(parts, dim=-1).unflatten(-1, (len(shifts), len(sensors)))
     misfit = window_misfits(read, values, noise)
     best, where = misfit.min(dim=2)
     chosen = _spread_over_members(best, min(count, best.numel()))

@@ -27,6 +27,7 @@ from dashred.inference.initial_state.linear_estimate import Estimate, leading_mo
 from dashred.inference.initial_state.start_models import LinearStart, StartModel
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms
+from dashred.physics.runs.stored_states import rms_of_fields
 from dashred.physics.system import System, Term
 
 
@@ -126,7 +127,7 @@ def first_guesses(
         begin.noise,
         settings.analogs,
     )
-    scale = field_rms(ensemble.states.flatten(0, 1))
+    scale = rms_of_fields(ensemble.states)
     guesses["blue"] = linear_guess(analogs, begin, scale, settings)
     with suppress(FilterLostError, OutOfTimeError):
         guesses["filter"] = filter_guess(

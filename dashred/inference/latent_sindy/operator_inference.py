@@ -12,6 +12,7 @@ from torch import Tensor
 
 from dashred.inference.latent_sindy.step_sensitivities import Step
 from dashred.models.pod import POD
+from dashred.physics.runs.stored_states import States, each_state
 from dashred.physics.system import System, Term
 from dashred.physics.terms.library import evaluate_terms
 
@@ -69,7 +70,7 @@ class SnapshotSteps:
         system: System,
         library: Sequence[Term],
         pod: POD,
-        states: Float[Tensor, "member time ..."],
+        states: States,
         held_out: int,
         strides: Sequence[int],
     ) -> SnapshotSteps:
@@ -79,12 +80,12 @@ class SnapshotSteps:
             system: fields and grid.
             library: the candidates.
             pod: basis of the training members.
-            states: runs at uniform times.
+            states: runs at uniform times, ``(member, time, field, *grid)``.
             held_out: number of last members that are not used in the fit; half of them select the
                 settings, and the others measure the error.
             strides: lengths of the steps, in samples.
         """
-        coefficients = pod.encode(states)
+        coefficients = each_state(pod.encode, states)
         spread = coefficients[:-held_out].flatten(0, 1).std(dim=0).clamp(min=1e-300)
         fitted, errors = {}, {}
         for stride in strides:

@@ -39,6 +39,8 @@ def open_snapshots(path: str, system: System) -> Snapshots:
     dataset = _open(path)
     for field in system.fields:
         _check_variable(dataset, field, system, path)
+        if Path(path).is_dir():
+            _check_chunks(field, path)
     for axis in system.axes:
         _check_axis(dataset, axis, path)
     _check_units(dataset, system, path)
@@ -63,8 +65,10 @@ def _open(path: str) -> xr.Dataset:
         else:
             import h5netcdf  # noqa: F401
         (check_folder if engine == "zarr" else check_hdf5)(path)
-        # Arrays stay on disk until they are indexed; times are not decoded to dates.
-        return xr.open_dataset(path, engine=engine, chunks=None, decode_times=False)
+        # Arrays stay on disk until they are indexed; times are not decoded to dates. The metadata
+        # of a few arrays need no copy in one place, which not every store has.
+        options = {"consolidated": False} if engine == "zarr" else {}
+        return xr.open_dataset(path, engine=engine, chunks=None, decode_times=False, **options)
 
 
 def _check_variable(dataset: xr.Dataset, field: str, system: System, path: str) -> None:
@@ -81,6 +85,22 @@ def _check_variable(dataset: xr.Dataset, field: str, system: System, path: str) 
         raise InputError(what, where=path, hint=hint)
     if dataset[field].dtype.kind not in "fiu":
         raise InputError(f"{field!r} does not hold numbers", where=path)
+
+
+def _check_chunks(field: str, path: str) -> None:
+    """Refuse an array with missing chunks: Zarr would read them as its fill value, such as 0."""
+    import zarr
+
+    with reading_errors("Zarr folder", path, FORMATS):
+        array = zarr.open_array(path, path=field, mode="r")
+        missing = array.nchunks - array.nchunks_initialized
+    if missing:
+        raise InputError(
+            f"{missing} of {array.nchunks} chunks of {field!r} are missing in this Zarr folder",
+            where=path,
+            hint="write it again; chunks that hold one value everywhere are left out unless "
+            "xarray's to_zarr is called with write_empty_chunks=True",
+        )
 
 
 def _check_axis(dataset: xr.Dataset, axis: Axis, path: str) -> None:

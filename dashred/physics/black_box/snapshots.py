@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from hashlib import sha256
 from typing import TYPE_CHECKING
@@ -21,8 +20,6 @@ if TYPE_CHECKING:
 
 # Relative deviation from a whole number of steps that is allowed.
 CLOCK_TOLERANCE = 1e-3
-# Share of the machine's memory for the states that are read; training needs several times as much.
-MAX_MEMORY_SHARE = 0.15
 DAMAGED = "the file is damaged: copy or write it again"
 
 
@@ -89,47 +86,42 @@ class Snapshots:
             States ``(member, time, field, *grid)``, float64, and the hash of the values.
 
         Raises:
-            InputError: the file is damaged, a value is not finite, or memory is insufficient.
+            InputError: the file is damaged, or a value is not finite.
         """
         stride, kept = self.stride(every), self.samples_at(every)
         chosen = rng.permutation(self.members)[:members]
-        self._check_memory(len(chosen), kept)
-        axes = [axis.name for axis in self.system.axes]
         shape = tuple(axis.own_points for axis in self.system.axes)
         states = torch.empty((len(chosen), kept, len(self.system.fields), *shape)).double()
         digest = sha256()
         for row, member in enumerate(chosen.tolist()):
-            indices = {"member": member, "time": slice(None, None, stride)}
-            part = self.dataset.isel(indices, missing_dims="ignore")
             for index, field in enumerate(self.system.fields):
-                with reading_errors("file of snapshots", self.path, DAMAGED):
-                    values = np.asarray(part[field].transpose("time", *axes).values, np.float64)
-                self._check_finite(values, field, member, stride)
+                values = self.values(field, member, slice(None, None, stride))
                 digest.update(np.ascontiguousarray(values, "<f8").tobytes())
                 states[row, :, index] = torch.from_numpy(values)
         return self.system.grid.ring(states), digest.hexdigest()
 
-    def _check_memory(self, members: int, samples: int) -> None:
-        points = int(np.prod(self.system.grid.shape)) * len(self.system.fields)
-        size = 8 * members * samples * points
-        limit = MAX_MEMORY_SHARE * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-        if size > limit:
-            fitting = int(members * limit / size)
-            raise InputError(
-                f"{members} runs of {samples} snapshots would take {size / 1e9:.3g} GB, more than "
-                f"the {limit / 1e9:.3g} GB that this machine can spare",
-                where=self.path,
-                hint=f"lower simulation.members (to {fitting} or less) or raise recording.every",
-            )
+    def values(self, field: str, member: int, samples: slice) -> Float[np.ndarray, "time ..."]:
+        """Read one field of a run, ``(time, *points)``, float64.
 
-    def _check_finite(
-        self, values: Float[np.ndarray, "time ..."], field: str, member: int, stride: int
-    ) -> None:
+        Args:
+            field: name of the field.
+            member: number of the run.
+            samples: the samples of the run, with their stride.
+
+        Raises:
+            InputError: the file is damaged, or a value is not finite.
+        """
+        axes = [axis.name for axis in self.system.axes]
+        part = self.dataset.isel({"member": member, "time": samples}, missing_dims="ignore")
+        with reading_errors("file of snapshots", self.path, DAMAGED):
+            values = np.asarray(part[field].transpose("time", *axes).values, np.float64)
         bad = ~np.isfinite(values).reshape(len(values), -1).all(axis=1)
         if bad.any():
-            sample = int(np.flatnonzero(bad)[0]) * stride
+            read = range(self.samples)[samples]
             raise InputError(
-                f"{field} is not finite in member {member}, sample {sample} (counted from 0)",
+                f"{field} is not finite in member {member}, sample {read[int(bad.argmax())]} "
+                "(counted from 0)",
                 where=self.path,
                 hint="remove this run from the file, or end all runs before that time",
             )
+        return values

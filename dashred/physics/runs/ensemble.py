@@ -3,31 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from dashred.core.budget import OutOfTimeError
 from dashred.core.errors import InputError
-from dashred.physics.external.failure import hint_of_failure
+from dashred.physics.runs.rounds import draw_until_enough
+from dashred.physics.runs.stored_states import States
 from dashred.physics.runs.tendency_size import tendency_size
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import Progress, simulate
 from dashred.physics.system import System, Term
-from dashred.physics.terms.library import evaluate_terms, resolve
-
-MAX_ROUNDS = 20
-# Give up if, after this many rounds, less than this share of the members has been found.
-EARLY_ROUNDS, MIN_EARLY_SHARE = 3, 0.1
-# After the last round, or when the time is up, this share of the members is enough.
-ENOUGH_SHARE = 0.5
+from dashred.physics.terms.column_blocks import rms_of_columns
+from dashred.physics.terms.library import resolve
 
 
 class StartDistribution(Protocol):
     """Distribution of the members' initial states, such as ``StartPrior``."""
+
+    @property
+    def size(self) -> int:
+        """Number of independent standard normals z of a state."""
+
+    def start(self, z: Tensor) -> Tensor:
+        """Return the initial states of z, ``(count, size)``."""
 
     def draw(self, count: int, rng: np.random.Generator) -> Tensor:
         """Return ``count`` random initial states, ``(count, field, *grid)``."""
@@ -39,12 +41,12 @@ class Ensemble:
 
     Attributes:
         times: ``(time,)``, on the recording's clock.
-        states: ``(member, time, field, *grid)``, float64.
+        states: ``(member, time, field, *grid)``, float64; in memory or on disk.
         coefficients: ``(member, term)``; all zero for a plain ensemble.
     """
 
     times: Tensor
-    states: Tensor
+    states: States
     coefficients: Tensor
 
 
@@ -82,7 +84,7 @@ def term_scales(
         t: one time for all states, or the time of each, ``(time,)``.
     """
     rms = tendency_size(system, nominal, t)
-    columns = evaluate_terms(system, library, nominal, t).flatten(1).pow(2).mean(1).sqrt()
+    columns = rms_of_columns(system, library, nominal, t)
     of_equation = [system.fields.index(term.equation) for term in library]
     return rms[of_equation] / columns.clamp(min=1e-12)
 
@@ -118,43 +120,45 @@ def draw_ensemble(
         InputError: too few members stay bounded.
         OutOfTimeError: raised by ``progress`` before there were enough members.
     """
-    states: list[Tensor] = []
-    coefficients: list[Tensor] = []
-    count, rounds_left = 0, 1.0
-    for turn in range(MAX_ROUNDS):
-        if turn == EARLY_ROUNDS and count < MIN_EARLY_SHARE * members:
-            break
-        try:
-            found, carried, inside = draw_round(
-                system,
-                times,
-                prior,
-                nominal,
-                members - count,
-                discrepancies,
-                rng,
-                progress,
-                rounds_left,
-            )
-        except OutOfTimeError:
-            if count < ENOUGH_SHARE * members:
-                raise
-            break
-        states.append(found[inside])
-        coefficients.append(carried[inside])
-        count += len(states[-1])
-        rounds_left = len(inside) / max(1, len(states[-1]))
-        if count == members:
-            break
-    if count < ENOUGH_SHARE * members:
-        raise InputError(
-            f"after {len(states)} rounds only {count} of {members} simulations stay within bounds",
-            where=system.where("system.spread"),
-            hint=hint_of_failure(
-                system.program, "make system.spread or simulation.amplitude smaller"
-            ),
+    found = MembersInMemory(system, times, prior, nominal, discrepancies, rng, progress)
+    draw_until_enough(found, members, system)
+    return Ensemble(times, torch.cat(found.states), torch.cat(found.coefficients))
+
+
+@dataclass
+class MembersInMemory:
+    """Members (:class:`.rounds.Members`) in memory; attributes as in :func:`draw_ensemble`."""
+
+    system: System
+    times: Tensor
+    prior: StartDistribution
+    nominal: Tensor
+    discrepancies: Discrepancies | None
+    rng: np.random.Generator
+    progress: Progress | None
+    states: list[Tensor] = field(default_factory=list)
+    coefficients: list[Tensor] = field(default_factory=list)
+
+    @property
+    def count(self) -> int:
+        """Number of members."""
+        return sum(map(len, self.states))
+
+    def draw(self, missing: int, rounds_left: float) -> None:
+        """See :meth:`.rounds.Members.draw`."""
+        found, carried, inside = draw_round(
+            self.system,
+            self.times,
+            self.prior,
+            self.nominal,
+            missing,
+            self.discrepancies,
+            self.rng,
+            self.progress,
+            rounds_left,
         )
-    return Ensemble(times, torch.cat(states), torch.cat(coefficients))
+        self.states.append(found[inside])
+        self.coefficients.append(carried[inside])
 
 
 def draw_round(
@@ -177,14 +181,18 @@ def draw_round(
         member stays within bounds, ``(member,)``.
     """
     starts = prior.draw(members, rng)
-    low, high = _bounds(nominal, starts)
-    forcing = _draw_forcing(system, nominal, discrepancies, members, rng, times)
+    low, high = bounds(nominal, starts)
+    forcing = draw_forcing(system, nominal, discrepancies, members, rng, times)
     found = simulate(system, starts, times, forcing, progress, repeats=rounds_left)
-    inside = (torch.isfinite(found) & (found >= low) & (found <= high)).flatten(1).all(dim=1)
-    return found, forcing.coefficients, inside
+    return found, forcing.coefficients, stays_inside(found, low, high)
 
 
-def _bounds(nominal: Tensor, starts: Tensor) -> tuple[Tensor, Tensor]:
+def stays_inside(states: Tensor, low: Tensor, high: Tensor) -> Tensor:
+    """Return whether each trajectory is finite and within its bounds, ``(member,)``."""
+    return (torch.isfinite(states) & (states >= low) & (states <= high)).flatten(1).all(dim=1)
+
+
+def bounds(nominal: Tensor, starts: Tensor) -> tuple[Tensor, Tensor]:
     """Return the bounds of each member, ``(member, 1, field, *1)``.
 
     The start of a member may be far outside of a nominal simulation of small amplitude.
@@ -199,7 +207,7 @@ def _bounds(nominal: Tensor, starts: Tensor) -> tuple[Tensor, Tensor]:
     return (low - width).reshape(shape), (high + width).reshape(shape)
 
 
-def _draw_forcing(
+def draw_forcing(
     system: System,
     nominal: Tensor,
     discrepancies: Discrepancies | None,
@@ -207,6 +215,7 @@ def _draw_forcing(
     rng: np.random.Generator,
     times: Tensor,
 ) -> Forcing:
+    """Return random model errors of members; none without discrepancies."""
     if discrepancies is None:
         return Forcing((), torch.zeros((members, 0), dtype=torch.float64))
     library = discrepancies.library

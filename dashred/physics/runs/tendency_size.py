@@ -13,6 +13,7 @@ from dashred.physics.external.protocol import Array
 from dashred.physics.program_parameters import parameter_slopes
 from dashred.physics.solvers.splitting import ProgramFlow
 from dashred.physics.system import System, Term
+from dashred.physics.terms.column_blocks import in_blocks
 from dashred.physics.terms.library import evaluate_terms
 
 # A difference in time over this share of the time step is the rate of a program.
@@ -33,13 +34,24 @@ def tendency_size(system: System, states: Tensor, t: float | Tensor) -> Tensor:
         t: one time for all states, or the time of each, ``(time,)``.
     """
     own = [Term(field, expr) for field, expr in system.equations.items()]
+    found = [_mean_squares(system, own, *part) for part in in_blocks(states, t, len(own))]
+    count, squares = sum(known for known, _ in found), torch.zeros(len(own)).double()
+    for known, means in found:
+        if known:
+            squares += known / count * means
+    return squares.sqrt().nan_to_num(nan=0.0).clamp(min=LEAST)
+
+
+def _mean_squares(
+    system: System, own: Sequence[Term], states: Tensor, t: float | Tensor
+) -> tuple[int, Tensor]:
+    """Return the number of states that count, and the mean square of each rate over them."""
     rates = evaluate_terms(system, own, states, t).transpose(0, 1)
     if system.program is not None:
         rates = rates + program_rates(system, states, t)
         # A program may fail at some states.
         rates = rates[torch.isfinite(rates).flatten(1).all(dim=1)]
-    rms = rates.transpose(0, 1).flatten(1).square().mean(dim=1).sqrt()
-    return rms.nan_to_num(nan=0.0).clamp(min=LEAST)
+    return len(rates), rates.transpose(0, 1).flatten(1).square().mean(dim=1)
 
 
 @torch.no_grad()

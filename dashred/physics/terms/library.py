@@ -15,7 +15,6 @@ from dashred.physics.expressions import algebra
 from dashred.physics.grids.grid_value import Value
 from dashred.physics.system import System, Term
 
-COLLINEARITY_TOLERANCE = 1e-9
 ANGLE_UNITS = frozenset({"rad", "deg", "°"})
 WAVES = frozenset({"sin", "cos"})
 
@@ -208,53 +207,3 @@ def evaluate_terms(
     shape = (len(states), *system.grid.shape)
     found = (operators.on_grid(value) for value in program(values, operators))
     return torch.stack([torch.as_tensor(f, dtype=torch.float64).expand(shape) for f in found])
-
-
-def uninformative_terms(
-    system: System, library: Sequence[Term], states: Tensor, t: float | Tensor
-) -> dict[Term, str | Term]:
-    """Return the terms that data like the simulation cannot identify, each with the reason.
-
-    The column of such a term on the states ``(batch, field, *grid)`` vanishes, is not finite, or
-    is proportional to the column of an earlier term of the equation, which is then the reason.
-
-    Args:
-        system: the simulator.
-        library: the terms.
-        states: ``(batch, field, *grid)``.
-        t: one time for all states, or the time of each, ``(batch,)``; terms with inputs need the
-            latter, because an input is constant at a single time.
-    """
-    columns = evaluate_terms(system, library, states, t).flatten(1)
-    why: dict[Term, str | Term] = {}
-    for j, term in enumerate(library):
-        if not torch.isfinite(columns[j]).all():
-            why[term], columns[j] = "is not finite", 0.0
-        elif not columns[j].any():
-            why[term] = "vanishes"
-    unit = columns / columns.norm(dim=1, keepdim=True).clamp(min=1e-300)
-    alike = (unit @ unit.T).abs() > 1 - COLLINEARITY_TOLERANCE
-    for later, term in enumerate(library):
-        for earlier, other in enumerate(library[:later]):
-            if alike[later, earlier] and other.equation == term.equation and other not in why:
-                why[term] = other
-                break
-    return why
-
-
-def check_collinear(
-    system: System, library: Sequence[Term], states: Tensor, t: float | Tensor
-) -> None:
-    """Check that no columns are proportional on the simulation: data could not distinguish them.
-
-    Raises:
-        InputError: two columns are proportional, or one is zero or not finite.
-    """
-    for term, why in uninformative_terms(system, library, states, t).items():
-        where = system.where(f"library.{term.equation}")
-        if isinstance(why, str):
-            fault, hint = f"the term {str(term)!r} {why} on the simulation", "remove it"
-        else:
-            fault = f"the terms {str(why)!r} and {str(term)!r} are proportional on this system"
-            hint = "remove one of them"
-        raise InputError(fault, where=where, hint=hint)

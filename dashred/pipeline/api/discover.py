@@ -54,9 +54,10 @@ def discover(config: Config, recorded: Episodes) -> Result:
 
 
 def _discover_with_equations(problem: Problem, seconds: dict[str, float]) -> Result:
-    simulated = simulation_runs.simulate(problem, seconds)
+    with problem.scratch.removed_at_the_end():
+        simulated = simulation_runs.simulate(problem, seconds)
+        analysis = equations.discover(simulated, NullTracker(), NoCheckpoints(), seconds)
     problem = simulated.problem
-    analysis = equations.discover(simulated, NullTracker(), NoCheckpoints(), seconds)
     if isinstance(analysis, Resolution):
         unresolved = verification.unresolved_findings(problem, analysis)
         return _unresolved_result(problem, unresolved, seconds)

@@ -64,6 +64,7 @@ def check(config: Config, page: Page, recorded: Episodes | None = None) -> None:
     from dashred.core.threads import use_threads
     from dashred.pipeline.check.agreement import agreement_remarks
     from dashred.pipeline.check.context import build_check_context
+    from dashred.pipeline.check.memory import ensemble_memory_remarks
     from dashred.pipeline.check.recording import recording_remarks
     from dashred.pipeline.check.simulator_checks.ensemble import ensemble_remarks, structure_remarks
     from dashred.pipeline.check.simulator_checks.observability import (
@@ -97,5 +98,6 @@ def check(config: Config, page: Page, recorded: Episodes | None = None) -> None:
     page.section(
         "Agreement of simulator and recording", agreement_remarks(context, nominal, observed)
     )
+    page.section("Memory", ensemble_memory_remarks(context))
     page.section("Run time", [run_time_remark(context, nominal, observed)])
     page.conclude()

@@ -7,10 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 import torch
 
+from dashred.physics.black_box.snapshot_reader import SnapshotReader
+from dashred.physics.runs.stored_states import StoredStates, each_state
 from dashred.pipeline.check.agreement import compare_amplitudes
+from dashred.pipeline.check.memory import memory_remark
 from dashred.pipeline.check.remark import Remark, plural
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.snapshots.snapshot_runs import segment_length
+from dashred.pipeline.snapshots.snapshot_runs import memory_of_snapshots, segment_length
 
 # Largest number of runs that are read to estimate amplitudes.
 MAX_RUNS = 8
@@ -34,10 +37,11 @@ def snapshots_remarks(problem: Problem) -> Iterator[Remark]:
         f"{plural(used, 'run')} of {samples} snapshots at a step of {every:.6g}{of}, "
         f"cut into segments of {length}"
     )
-    states, _ = snapshots.read(
-        min(MAX_RUNS, used), every, np.random.default_rng(problem.config.seed)
-    )
+    yield memory_remark(memory_of_snapshots(problem, every), "the set of runs")
+    rng = np.random.default_rng(problem.config.seed)
+    reader = SnapshotReader.of(snapshots, min(MAX_RUNS, used), every, rng)
     fit = problem.split.fit
-    read = problem.operator(fit)(states.flatten(0, 1))
+    states = StoredStates(reader, range(reader.shape[0]))
+    read = each_state(problem.operator(fit), states).flatten(0, 1)
     yield from compare_amplitudes(fit.names, torch.from_numpy(fit.values), read, "snapshots")
     yield Remark("Snapshots allow fewer conclusions than equations: see docs/black-box.md")

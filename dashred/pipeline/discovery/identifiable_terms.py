@@ -11,7 +11,8 @@ import torch
 from dashred.physics.expressions.algebra import names
 from dashred.physics.runs.program_definitions import program_definitions
 from dashred.physics.system import Term
-from dashred.physics.terms.library import calls, check_collinear, resolve, uninformative_terms
+from dashred.physics.terms.collinear_terms import check_collinear, uninformative_terms
+from dashred.physics.terms.library import calls, resolve
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.state_samples import StateSamples
 

@@ -27,6 +27,7 @@ from dashred.physics.system import System
 from dashred.physics.terms.library import build_library
 from dashred.pipeline.input.read_recorded import read_recorded
 from dashred.pipeline.input.readings_of_state import fitted_count, readings_of_state
+from dashred.pipeline.input.scratch_folder import scratch_of
 from dashred.pipeline.input.time_step import states_time_step, with_time_step
 from dashred.pipeline.problem import Problem, with_clause
 from dashred.pipeline.time_shares import begin_budget
@@ -94,6 +95,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
         system = system.with_fixed_steps().with_step(chosen.dt)
         clock = with_clause(clock, why)
     stated = {name: system.config.parameters[name] for name in system.config.parameter_spread}
+    scratch = scratch_of(config, sha256)
     problems = [
         Problem(
             config=config,
@@ -104,6 +106,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
             clock=clock,
             split=split,
             noise=noise,
+            scratch=scratch,
             name=episode.name,
             snapshots=snapshots,
             budget=budget,

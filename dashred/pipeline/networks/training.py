@@ -18,6 +18,7 @@ from dashred.models.network_size import network_size
 from dashred.models.shred import SHRED
 from dashred.models.simulation_training import SimulationTraining
 from dashred.physics.runs.ensemble import Ensemble
+from dashred.physics.runs.stored_states import blocks
 from dashred.pipeline.networks.fitting import fitting
 from dashred.pipeline.problem import Problem
 from datamodules import SimulationDataModule
@@ -141,10 +142,16 @@ def train_shred(
 
 @torch.no_grad()
 def _test(shred: SHRED, data: SimulationDataModule, fields: tuple[str, ...]) -> dict[str, float]:
-    truth = data.states("test").flatten(0, 1)
-    windows = data.noisy_windows("test").flatten(0, 1).float()
-    estimates = torch.cat([shred(part).double() for part in windows.split(1024)])
-    error = (estimates - truth).transpose(0, 1).flatten(1)
-    squared = (error / data.pod.scale[:, None]).square().mean(dim=1)
+    states, noisy = data.states("test"), data.noisy_windows("test")
+    count = math.prod(states.shape[:2])
+    # There may be no member to test on.
+    squared = torch.full((len(fields),), 0.0 if count else torch.nan, dtype=torch.float64)
+    for block in blocks(states):
+        truth = block.states.flatten(0, 1)
+        windows = noisy[block.members, block.times].flatten(0, 1).float()
+        estimates = torch.cat([shred(part).double() for part in windows.split(1024)])
+        error = (estimates - truth).transpose(0, 1).flatten(1)
+        share = len(truth) / max(1, count)
+        squared = squared + share * (error / data.pod.scale[:, None]).square().mean(dim=1)
     by_field = dict(zip(fields, squared.sqrt().tolist(), strict=True))
     return {"all": float(squared.mean().sqrt()), **by_field}

@@ -10,9 +10,16 @@ from torch import Tensor
 from dashred.core.progress import stage
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import build_corrected_system
-from dashred.physics.runs.ensemble import Discrepancies, Ensemble, draw_ensemble
+from dashred.physics.runs.ensemble import Discrepancies, Ensemble
+from dashred.physics.runs.stored_states import JoinedReader, StoredStates
 from dashred.physics.solvers.simulate import simulate
 from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation.ensemble_memory import (
+    bytes_on_disk,
+    check_in_memory,
+    drawing,
+    memory_of,
+)
 from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.simulation.nudging import nudged_ensemble
 from dashred.pipeline.simulation.program_cost import check_time
@@ -24,12 +31,14 @@ def simulate_ensemble(problem: Problem, nominal: NominalRun, seconds: dict[str, 
     """Draw the simulations on which SHRED is trained, over the fit window.
 
     Raises:
-        InputError: too few stay within bounds.
+        InputError: too few stay within bounds, or the disk has too little space for them.
         OutOfTimeError: there is no time for them.
     """
     settings = problem.config.simulation
     check_time(problem, settings.members, "simulate the ensemble")
     count = len(problem.split.fit.times)
+    if memory_of(problem).is_on_disk:
+        problem.scratch.check_space(bytes_on_disk(problem.config, problem.system, count))
     discrepancies = None
     if settings.discrepancy:
         discrepancies = Discrepancies(problem.library, settings.terms, settings.amplitude)
@@ -40,7 +49,7 @@ def simulate_ensemble(problem: Problem, nominal: NominalRun, seconds: dict[str, 
         paths = (paths[0],) * len(problem.episodes)
     with stage("simulate the ensemble", seconds) as report:
         drawn = [
-            draw_ensemble(
+            drawing(problem, f"ensemble {i}")(
                 episode.ensemble_system,
                 times,
                 nominal.prior,
@@ -50,12 +59,14 @@ def simulate_ensemble(problem: Problem, nominal: NominalRun, seconds: dict[str, 
                 problem.rng(f"ensemble{suffix}"),
                 within(problem.deadline("simulate the ensemble"), report),
             )
-            for (episode, times, members, suffix), path in zip(
-                split_members(problem, settings.members), paths, strict=False
+            for i, ((episode, times, members, suffix), path) in enumerate(
+                zip(split_members(problem, settings.members), paths, strict=False)
             )
         ]
         ensemble = join_ensembles(drawn)
         kind = "with random discrepancies" if settings.discrepancy else "plain"
+        if not isinstance(ensemble.states, Tensor):
+            kind += ", on disk"
         found = len(ensemble.states)
         lost = "" if found == settings.members else f" of {settings.members}; the others diverge"
         report(1.0, f"{found} members, {kind}{lost}")
@@ -80,6 +91,7 @@ def simulate_corrected_ensemble(
     Raises:
         OutOfTimeError: the time for SHRED is over.
     """
+    check_in_memory(problem)
     rng = problem.rng("ensemble")
     pool = torch.cat(list(states))
     low, high = pool.amin(dim=0), pool.amax(dim=0)
@@ -109,6 +121,7 @@ def ensemble_of_states(problem: Problem, states: Sequence[Tensor]) -> Ensemble:
         problem: the recording.
         states: fitted states of each episode, ``(time, field)``: all its members.
     """
+    check_in_memory(problem)
     elapsed = problem.times[: len(problem.split.fit.times)]
     drawn = []
     for index, (_, times, members, _) in enumerate(
@@ -128,6 +141,7 @@ def simulate_nudged_ensemble(
 
     They are corrected towards the readings at every sample.
     """
+    check_in_memory(problem)
     rng = problem.rng("ensemble")
     with stage("simulate the ensemble", seconds) as report:
         drawn = [
@@ -168,6 +182,9 @@ def join_ensembles(drawn: Sequence[Ensemble]) -> Ensemble:
     # The episodes alternate, so that the held-out members come from every episode.
     positions = [i for ensemble in drawn for i in range(len(ensemble.states))]
     order = sorted(range(len(positions)), key=positions.__getitem__)
-    states = torch.cat([ensemble.states for ensemble in drawn])[order]
     coefficients = torch.cat([ensemble.coefficients for ensemble in drawn])[order]
+    in_memory = [e.states for e in drawn if isinstance(e.states, Tensor)]
+    on_disk = [e.states for e in drawn if isinstance(e.states, StoredStates)]
+    # All of them are kept in the same place.
+    states = StoredStates(JoinedReader(on_disk), order) if on_disk else torch.cat(in_memory)[order]
     return Ensemble(drawn[0].times, states, coefficients)

@@ -16,7 +16,7 @@ from dashred.inference.latent_sindy.operator_inference import SnapshotSteps
 from dashred.models.assimilation import AssimilatedEncoder
 from dashred.models.lag_windows import windows
 from dashred.models.shred import reconstruct
-from dashred.physics.terms.library import evaluate_terms
+from dashred.physics.terms.column_blocks import rms_of_columns
 from dashred.pipeline.networks import assimilation, training
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.snapshots import mismatch, snapshot_runs
@@ -98,8 +98,8 @@ def _term_scales(problem: Problem, runs: SnapshotRuns, dt: float) -> Tensor:
     """Return ``rms(Δu/Δt)/rms(θ_j)`` over the first segment, ``(term,)``."""
     first = runs.ensemble.states[0]
     rates = (first[1:] - first[:-1]).transpose(0, 1).flatten(1).square().mean(dim=1).sqrt() / dt
-    columns = evaluate_terms(problem.system, problem.library, first, float(problem.times[0]))
-    sizes = columns.flatten(1).square().mean(dim=1).sqrt()
+    begin = float(problem.times[0])
+    sizes = rms_of_columns(problem.system, problem.library, first, begin)
     of_equation = [problem.system.fields.index(term.equation) for term in problem.library]
     return rates[of_equation] / sizes.clamp(min=1e-12)
 

@@ -11,6 +11,7 @@ from torch import Tensor
 from dashred.inference.latent_sindy.operator_inference import SnapshotSteps
 from dashred.models.lag_windows import windows
 from dashred.models.shred import reconstruct
+from dashred.physics.runs.stored_states import each_state, part
 from dashred.pipeline.networks.training import TrainedNetwork
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.snapshots.snapshot_runs import SnapshotRuns
@@ -88,15 +89,15 @@ def compare(
         shred: field of SHRED from the recording, ``(time, field, *grid)``.
     """
     split = problem.split
-    parts = [split.fit, split.validation] if split.validate else [split.fit]
-    operators = [problem.operator(part) for part in parts]
-    names = [name for part in parts for name in part.names]
+    recorded_parts = [split.fit, split.validation] if split.validate else [split.fit]
+    operators = [problem.operator(own) for own in recorded_parts]
+    names = [name for own in recorded_parts for name in own.names]
 
     def read(states: Tensor) -> Tensor:
         return torch.cat([operator(states) for operator in operators], dim=-1)
 
-    recorded = torch.cat([torch.from_numpy(part.values) for part in parts], dim=-1)
-    truth = read(runs.ensemble.states[-runs.held_out :])
+    recorded = torch.cat([torch.from_numpy(own.values) for own in recorded_parts], dim=-1)
+    truth = each_state(read, part(runs.ensemble.states, slice(-runs.held_out, None)))
     generator = torch.Generator().manual_seed(problem.config.seed)
     noise = torch.randn(truth.shape, generator=generator, dtype=truth.dtype)
     noisy = truth + problem.noise_of(tuple(names)) * noise
@@ -106,7 +107,7 @@ def compare(
     estimates = torch.stack(
         [reconstruct(shred_network.encode, shred_network, h.contiguous()) for h in histories]
     )
-    unit = read(runs.ensemble.states).flatten(0, 1).std(dim=0).clamp(min=1e-300)
+    unit = each_state(read, runs.ensemble.states).flatten(0, 1).std(dim=0).clamp(min=1e-300)
 
     def error_comparison(error: Tensor, usual: Tensor) -> ErrorComparison:
         squared, known = (error / unit).square(), (usual / unit).square()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import torch
@@ -11,8 +12,11 @@ from dashred.config import Config
 from dashred.core.errors import InputError
 from dashred.core.progress import stage
 from dashred.inference.initial_state.analogs import window_misfits
+from dashred.physics.black_box.snapshot_reader import SnapshotReader
 from dashred.physics.runs.ensemble import Ensemble
+from dashred.physics.runs.stored_states import States, StoredStates, cut, each_state, thinned
 from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation.ensemble_memory import MemoryPlan, plan_memory
 
 # Runs are cut into at least the first number of segments if possible; the second is required.
 TARGET_SEGMENTS, MIN_SEGMENTS = 12, 4
@@ -33,7 +37,7 @@ class SnapshotRuns:
         sha256: hash of the snapshots.
     """
 
-    states: Tensor
+    states: States
     ensemble: Ensemble
     held_out: int
     sha256: str
@@ -41,8 +45,7 @@ class SnapshotRuns:
     @property
     def sample_states(self) -> Tensor:
         """States on which the columns of the library are compared, ``(state, field, *grid)``."""
-        states = self.ensemble.states.flatten(0, 1)
-        return states[:: max(1, len(states) // LIBRARY_STATES)]
+        return thinned(self.ensemble.states, LIBRARY_STATES)
 
     def configured(self, config: Config) -> Config:
         """Return the configuration with the actual number of segments."""
@@ -62,18 +65,52 @@ def read_runs(problem: Problem, seconds: dict[str, float]) -> SnapshotRuns:
     assert snapshots is not None
     every = float(problem.times[1] - problem.times[0])
     with stage("read the snapshots", seconds) as report:
-        states, sha256 = snapshots.read(settings.members, every, problem.rng("snapshots"))
+        states, sha256 = _read(problem, every)
         members, samples = states.shape[:2]
         length = segment_length(problem, members, samples)
-        each = samples // length
-        cut = states[:, : each * length].unflatten(1, (each, length)).flatten(0, 1)
-        ensemble = Ensemble(problem.times[:length], cut, torch.zeros((len(cut), 0)).double())
+        each, segments = samples // length, cut(states, length)
+        count = len(segments)
+        ensemble = Ensemble(problem.times[:length], segments, torch.zeros((count, 0)).double())
         share = settings.held_out / settings.members
         held_out = _held_out(members, each, share)
+        kept = "" if isinstance(states, Tensor) else ", read in parts"
         report(
-            1.0, f"{members} runs of {samples} samples, cut into {len(cut)} segments of {length}"
+            1.0,
+            f"{members} runs of {samples} samples, cut into {count} segments of {length}{kept}",
         )
     return SnapshotRuns(states, ensemble, held_out, sha256)
+
+
+def _read(problem: Problem, every: float) -> tuple[States, str]:
+    """Return the runs and the hash of their values; runs that take too much stay on disk."""
+    snapshots, members = problem.snapshots, problem.config.simulation.members
+    assert snapshots is not None
+    rng = problem.rng("snapshots")
+    if not memory_of_snapshots(problem, every).is_on_disk:
+        return snapshots.read(members, every, rng)
+    reader = SnapshotReader.of(snapshots, members, every, rng)
+    return StoredStates(reader, range(reader.shape[0])), reader.sha256()
+
+
+def memory_of_snapshots(problem: Problem, every: float) -> MemoryPlan:
+    """Return the memory for the runs and the training on them.
+
+    Args:
+        problem: the recording.
+        every: step of the clock.
+
+    Raises:
+        InputError: not even runs that are read in parts keep within the limit.
+    """
+    snapshots = problem.snapshots
+    assert snapshots is not None
+    return plan_memory(
+        problem.config,
+        len(problem.system.fields) * math.prod(problem.system.grid.shape),
+        snapshots.samples_at(every),
+        len(problem.times),
+        min(problem.config.simulation.members, snapshots.members),
+    )
 
 
 def segment_length(problem: Problem, members: int, samples: int) -> int:
@@ -107,7 +144,7 @@ def nearest_run(problem: Problem, runs: SnapshotRuns) -> Tensor | None:
     window, total = len(fit.times), len(problem.times)
     if runs.states.shape[1] < window:
         return None
-    read = problem.operator(fit)(runs.states)[:, :, None]
+    read = each_state(problem.operator(fit), runs.states)[:, :, None]
     noise = problem.noise_of(fit.names).clamp(min=1e-12)
     misfit = window_misfits(read, torch.from_numpy(fit.values), noise)[:, :, 0]
     whole = misfit[:, : runs.states.shape[1] - total + 1]

@@ -14,7 +14,9 @@ from dashred.config import Axis, Integrator
 from dashred.config import System as Declared
 from dashred.core.errors import InputError
 from dashred.physics.black_box.snapshot_file import open_snapshots
+from dashred.physics.black_box.snapshot_reader import SnapshotReader
 from dashred.physics.black_box.snapshots import Snapshots
+from dashred.physics.runs.stored_states import StoredStates
 from dashred.physics.system import System
 
 Change = Callable[[xr.Dataset], xr.Dataset]
@@ -90,14 +92,46 @@ def test_an_axis_with_ends_is_mirrored(tmp_path: Path) -> None:
     torch.testing.assert_close(states[..., 9:], states[..., 1:8].flip(-1))
 
 
-def test_a_run_too_large_for_the_machine_is_refused_before_it_is_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("name", ["runs.nc", "runs.zarr"])
+@pytest.mark.parametrize("ends", ["periodic", "insulated"])
+def test_runs_that_are_read_in_parts_are_those_that_are_read_at_once(
+    tmp_path: Path, name: str, ends: str
 ) -> None:
-    snapshots = open_snapshots(written(tmp_path, dataset()), declared())
-    monkeypatch.setattr("dashred.physics.black_box.snapshots.MAX_MEMORY_SHARE", 1e-12)
-    with pytest.raises(InputError, match="3 runs of 21 snapshots would take") as error:
-        snapshots.read(3, 0.1, np.random.default_rng(0))
-    assert "simulation.members" in str(error.value)
+    data = dataset((3, 21, 8 if ends == "periodic" else 9))
+    snapshots = open_snapshots(written(tmp_path, data, name), declared(ends))
+    states, sha256 = snapshots.read(2, 0.2, np.random.default_rng(1))
+    reader = SnapshotReader.of(snapshots, 2, 0.2, np.random.default_rng(1))
+    assert reader.shape == tuple(states.shape) and 1 <= reader.chunk <= 21
+    assert reader.sha256() == sha256
+    stored = StoredStates(reader, range(2))
+    assert torch.equal(stored[:, :], states)
+    assert torch.equal(stored[1, 3:9], states[1, 3:9])
+
+
+def test_a_value_that_is_not_finite_is_named_when_its_part_is_read(tmp_path: Path) -> None:
+    data = dataset()
+    data["u"][2, 4, 5] = np.nan
+    snapshots = open_snapshots(written(tmp_path, data), declared())
+    reader = SnapshotReader.of(snapshots, 3, 0.2, np.random.default_rng(0))
+    row = permuted(0).index(2)
+    assert reader.read(row, 3, 11).isfinite().all()
+    with pytest.raises(InputError, match=r"u is not finite in member 2, sample 4 \(counted"):
+        reader.read(row, 1, 4)
+    with pytest.raises(InputError, match=r"u is not finite in member 2, sample 4 \(counted"):
+        reader.sha256()
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_zarr_folder_with_missing_chunks_is_refused(tmp_path: Path, version: int) -> None:
+    """Zarr would read them as zeros."""
+    data, path = dataset().chunk({"member": 1}), tmp_path / "runs.zarr"
+    data.to_zarr(path, zarr_format=version, consolidated=version == 2)
+    assert open_snapshots(str(path), declared()).members == 3
+    first = path / "u" / ("1.0.0" if version == 2 else "c/1/0/0")
+    first.unlink()
+    with pytest.raises(InputError, match="1 of 3 chunks of 'u' are missing") as error:
+        open_snapshots(str(path), declared())
+    assert error.value.where == str(path) and "write_empty_chunks" in str(error.value.hint)
 
 
 REFUSED: dict[str, tuple[Change, str]] = {

@@ -10,13 +10,8 @@ import torch
 from dashred.core.errors import InputError
 from dashred.physics.backends.input_signals import InputSignals
 from dashred.physics.system import System
-from dashred.physics.terms.library import (
-    build_library,
-    check_collinear,
-    default_terms,
-    evaluate_terms,
-    uninformative_terms,
-)
+from dashred.physics.terms.collinear_terms import check_collinear, uninformative_terms
+from dashred.physics.terms.library import build_library, default_terms, evaluate_terms
 
 AXES = [
     "{}",

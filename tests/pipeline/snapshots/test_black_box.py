@@ -20,6 +20,7 @@ from dashred.data.sensors import Sensor
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.pipeline.check import command
+from dashred.pipeline.simulation import ensemble_memory
 from dashred.pipeline.snapshots.mismatch import ErrorComparison, Mismatch
 
 CONFIG = """\
@@ -218,3 +219,31 @@ def test_a_check_tells_what_there_is_to_learn_from(given, capsys) -> None:
     few = ("simulation.members=3", "simulation.held_out=1", "shred.lags=30")
     with pytest.raises(InputError, match="too few for training"):
         command.main([own, *few])
+
+
+def test_runs_that_stay_on_disk_give_the_same_findings(
+    given, train, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = (f"conf={given / 'box.yaml'}", "shred.epochs=2", "assimilation.epochs=2")
+    monkeypatch.setattr("dashred.pipeline.snapshots.black_box_report.report", lambda *_: [])
+    findings = []
+    for copies in (1.0, 1e9):
+        monkeypatch.setattr(ensemble_memory, "ENSEMBLE_COPIES", copies)
+        ended = train(*words)
+        assert ended.code == 0, ended.err
+        assert ("read in parts" in ended.out) == (copies > 1)
+        findings.append(json.loads(ended.read("findings.json")))
+    plain, stored = findings
+    assert stored["input"] == plain["input"] and stored["verdict"] == plain["verdict"]
+    for name, error in plain["fit"]["test_sensors"].items():
+        assert stored["fit"]["test_sensors"][name] == pytest.approx(error, rel=1e-2)
+
+
+def test_a_check_tells_where_the_runs_are_kept(given, capsys, monkeypatch) -> None:
+    own = f"conf={given / 'box.yaml'}"
+    assert command.main([own, "simulation.memory=4 GiB"]) == 0
+    assert "of 0.3 MiB is kept in memory" in " ".join(capsys.readouterr().out.split())
+    monkeypatch.setattr(ensemble_memory, "ENSEMBLE_COPIES", 1e9)
+    assert command.main([own, "simulation.memory=4 GiB"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "may take 4 GiB: the set of runs of 0.3 MiB is kept on disk and read in parts" in said

@@ -23,7 +23,7 @@ from dashred.physics.runs.resolution import (
 )
 from dashred.physics.solvers.simulate import check_finite, simulate
 from dashred.physics.system import System, Term
-from dashred.physics.terms.library import check_collinear, uninformative_terms
+from dashred.physics.terms.collinear_terms import check_collinear, uninformative_terms
 from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.placeholders import zero_equations
 from dashred.pipeline.check.remark import Remark, shortened, warning

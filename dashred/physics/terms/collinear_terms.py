@@ -1,0 +1,79 @@
+"""Terms of a library that a simulation cannot tell apart."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from dashred.core.errors import InputError
+from dashred.physics.system import System, Term
+from dashred.physics.terms.column_blocks import in_blocks
+from dashred.physics.terms.library import evaluate_terms
+
+# Columns with a larger cosine of their angle, up to this, are proportional.
+COLLINEARITY_TOLERANCE = 1e-9
+
+
+def uninformative_terms(
+    system: System, library: Sequence[Term], states: Tensor, t: float | Tensor
+) -> dict[Term, str | Term]:
+    """Return the terms that data like the simulation cannot identify, each with the reason.
+
+    The column of such a term on the states ``(batch, field, *grid)`` vanishes, is not finite, or
+    is proportional to the column of an earlier term of the equation, which is then the reason.
+
+    Args:
+        system: the simulator.
+        library: the terms.
+        states: ``(batch, field, *grid)``.
+        t: one time for all states, or the time of each, ``(batch,)``; terms with inputs need the
+            latter, because an input is constant at a single time.
+    """
+    is_finite = torch.ones(len(library), dtype=torch.bool)
+    vanishes = is_finite.clone()
+    products, scale = torch.zeros((len(library), len(library))).double(), None
+    for part, times in in_blocks(states, t, len(library)):
+        columns = evaluate_terms(system, library, part, times).flatten(1)
+        is_finite &= torch.isfinite(columns).all(dim=1)
+        vanishes &= ~columns.any(dim=1)
+        columns[~is_finite] = 0.0
+        if scale is None:
+            size = columns.norm(dim=1, keepdim=True)
+            scale = torch.where(size > 0, size, 1.0)
+        unit = columns / scale
+        products += unit @ unit.T
+    norms = products.diagonal().sqrt().clamp(min=1e-300)
+    alike = (products / norms / norms[:, None]).abs() > 1 - COLLINEARITY_TOLERANCE
+    alike &= is_finite & is_finite[:, None]
+    why: dict[Term, str | Term] = {}
+    for j, term in enumerate(library):
+        if not is_finite[j]:
+            why[term] = "is not finite"
+        elif vanishes[j]:
+            why[term] = "vanishes"
+    for later, term in enumerate(library):
+        for earlier, other in enumerate(library[:later]):
+            if alike[later, earlier] and other.equation == term.equation and other not in why:
+                why[term] = other
+                break
+    return why
+
+
+def check_collinear(
+    system: System, library: Sequence[Term], states: Tensor, t: float | Tensor
+) -> None:
+    """Check that no columns are proportional on the simulation: data could not distinguish them.
+
+    Raises:
+        InputError: two columns are proportional, or one is zero or not finite.
+    """
+    for term, why in uninformative_terms(system, library, states, t).items():
+        where = system.where(f"library.{term.equation}")
+        if isinstance(why, str):
+            fault, hint = f"the term {str(term)!r} {why} on the simulation", "remove it"
+        else:
+            fault = f"the terms {str(why)!r} and {str(term)!r} are proportional on this system"
+            hint = "remove one of them"
+        raise InputError(fault, where=where, hint=hint)
