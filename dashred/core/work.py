@@ -7,6 +7,9 @@ them with those of an earlier version of the code.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 
 # Time steps of trajectories, and of columns of Jacobians: derivatives of a trajectory.
 TRAJECTORY_STEPS, COLUMN_STEPS = "trajectory steps", "column steps"
@@ -14,6 +17,8 @@ TRAJECTORY_STEPS, COLUMN_STEPS = "trajectory steps", "column steps"
 TRAJECTORY_VALUES, COLUMN_VALUES = "trajectory values", "column values"
 
 _done: Counter[str] = Counter()
+# What counts the work of this thread.
+_counter: ContextVar[Counter[str]] = ContextVar("work", default=_done)
 
 
 def count_trajectories(rows: int, steps: int, values: int) -> None:
@@ -24,14 +29,28 @@ def count_trajectories(rows: int, steps: int, values: int) -> None:
         steps: time steps of each.
         values: number of values of a state.
     """
-    _done[TRAJECTORY_STEPS] += rows * steps
-    _done[TRAJECTORY_VALUES] += rows * steps * values
+    add_work({TRAJECTORY_STEPS: rows * steps, TRAJECTORY_VALUES: rows * steps * values})
 
 
 def count_columns(columns: int, steps: int, values: int) -> None:
     """Count columns of a Jacobian; see :func:`count_trajectories`."""
-    _done[COLUMN_STEPS] += columns * steps
-    _done[COLUMN_VALUES] += columns * steps * values
+    add_work({COLUMN_STEPS: columns * steps, COLUMN_VALUES: columns * steps * values})
+
+
+def add_work(counts: Mapping[str, int]) -> None:
+    """Count work by name, for example that of another process."""
+    _counter.get().update(counts)
+
+
+@contextmanager
+def counted() -> Iterator[Counter[str]]:
+    """Count the work of this thread in a block apart from all other work."""
+    work: Counter[str] = Counter()
+    token = _counter.set(work)
+    try:
+        yield work
+    finally:
+        _counter.reset(token)
 
 
 def work_done() -> dict[str, int]:
