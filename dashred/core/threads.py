@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from threading import Event
 
 import torch
+from threadpoolctl import threadpool_limits
 
 _threads = 1
 _given_up = Event()
@@ -16,6 +17,12 @@ def use_threads(count: int) -> None:
     """Set the number of threads for the whole process."""
     global _threads
     _threads = count
+
+
+def compute_in_one_thread() -> None:
+    """Let torch and NumPy's linear algebra compute in one thread of this process."""
+    torch.set_num_threads(1)
+    threadpool_limits(1)
 
 
 def thread_count() -> int:

@@ -12,6 +12,8 @@ from collections.abc import Callable, Mapping
 from threading import Lock
 from typing import NamedTuple, TypeVar
 
+from dashred.core.threads import compute_in_one_thread
+
 T = TypeVar("T")
 # Number of objects that a worker keeps, and that this process remembers as packed.
 MOST = 16
@@ -68,7 +70,7 @@ def call_with_kept(
     function: Callable[..., T],
     args: tuple[object, ...],
 ) -> T | Missing:
-    """Call a function with objects that this worker keeps.
+    """Call a function with objects that this worker keeps; it computes as an analysis does.
 
     Args:
         names: of the objects, the first arguments of the function.
@@ -82,7 +84,10 @@ def call_with_kept(
     with _lock:
         found = [_find(name, contents) for name in names]
     missing = tuple(name for name, thing in zip(names, found, strict=True) if thing is None)
-    return Missing(missing) if missing else function(*found, *args)
+    if missing:
+        return Missing(missing)
+    compute_in_one_thread()
+    return function(*found, *args)
 
 
 def _find(name: str, contents: Mapping[str, bytes]) -> object | None:

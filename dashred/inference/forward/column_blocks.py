@@ -27,7 +27,6 @@ from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.forward.tangent_columns import TangentColumns, TangentPoint
 from dashred.inference.initial_state.start_models import StartModel
-from dashred.models.torch_setup import set_up_torch
 from dashred.physics.solvers.schedule import count_steps
 from dashred.physics.tangents.tangent_linear import columns_together
 
@@ -122,8 +121,6 @@ def columns_on_worker(
         blocks: the columns.
         seconds: time after which the integration ends.
     """
-    # A worker computes as an analysis does.
-    set_up_torch(1)
     law, times, forcing = own
     columns = TangentColumns(simulator, start, law, sensors, times, forcing)
     with counted() as work, torch.no_grad():

@@ -13,9 +13,10 @@ from torch import Tensor
 from dashred.core.budget import OutOfTimeError
 from dashred.core.errors import InputError
 from dashred.physics.external.failure import hint_of_failure
+from dashred.physics.runs.members import simulate_members
 from dashred.physics.runs.tendency_size import tendency_size
 from dashred.physics.solvers.forcing import Forcing
-from dashred.physics.solvers.simulate import Progress, simulate
+from dashred.physics.solvers.simulate import Progress
 from dashred.physics.system import System, Term
 from dashred.physics.terms.library import evaluate_terms, resolve
 
@@ -179,7 +180,7 @@ def draw_round(
     starts = prior.draw(members, rng)
     low, high = _bounds(nominal, starts)
     forcing = _draw_forcing(system, nominal, discrepancies, members, rng, times)
-    found = simulate(system, starts, times, forcing, progress, repeats=rounds_left)
+    found = simulate_members(system, starts, times, forcing, progress, rounds_left)
     inside = (torch.isfinite(found) & (found >= low) & (found <= high)).flatten(1).all(dim=1)
     return found, forcing.coefficients, inside
 

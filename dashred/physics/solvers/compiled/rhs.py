@@ -154,6 +154,17 @@ class BatchTendency:
             sampled_forcing=_forcing_modes(sampled_forcing, modes),
         )
 
+    def of_rows(self, rows: slice) -> TendencyArrays:
+        """Return N of some rows."""
+        whole = self.arrays
+        return whole._replace(
+            input_active=whole.input_active[rows],
+            channel_active=whole.channel_active[rows],
+            coupling_strength=whole.coupling_strength[rows],
+            weights=whole.weights[rows],
+            sampled_forcing=whole.sampled_forcing[rows],
+        )
+
 
 def _forcing_modes(sampled_forcing: SampledForcing | None, modes: int) -> Modes:
     """Return the forcing in modes, ``(row, knot, field, mode)``."""
