@@ -84,12 +84,23 @@ class ClusterCalls:
                 not changed as long as calls use them.
             function: what is called.
             args: further arguments, which travel with every call.
+
+        Raises:
+            NotAnsweredError: as for :meth:`call`, or the call ended its workers.
+            Exception: what the function raises.
         """
         packages = [self._packages.of(thing) for thing in things]
         contents: dict[str, bytes] = {}
         while True:
             names = tuple(package.name for package in packages)
-            found = self.call(call_with_kept, names, contents, function, args)
+            try:
+                found = self.call(call_with_kept, names, contents, function, args)
+            except CallLostError as lost:
+                raise NotAnsweredError(
+                    f"a part of the analysis {lost}",
+                    where=WHERE,
+                    hint="what is finished is kept: give the workers more memory, or leave it out",
+                ) from None
             if not isinstance(found, Missing):
                 return found
             contents |= {p.name: p.content for p in packages if p.name in found.names}

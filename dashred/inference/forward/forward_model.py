@@ -21,13 +21,17 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.core.budget import NEVER, Deadline
-from dashred.inference.forward.column_blocks import compute_columns
+from dashred.inference.forward.columns.column_blocks import compute_columns, is_large
+from dashred.inference.forward.columns.tangent_columns import (
+    DIFFERENCE,
+    TangentColumns,
+    TangentPoint,
+)
 from dashred.inference.forward.episodes import concatenate_episodes
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.forward.law_block import LawBlock
 from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
-from dashred.inference.forward.tangent_columns import DIFFERENCE, TangentColumns, TangentPoint
 from dashred.inference.initial_state.start_models import StartModel, project_state
 
 
@@ -212,16 +216,23 @@ class ForwardModel:
         """Return the unknowns of the parameters and the law, ``(…, unknown)``."""
         return torch.cat([self.parameter_changes(z), xi[..., self.slices.law]], dim=-1)
 
+    @property
+    def has_large_jacobian(self) -> bool:
+        """Whether the Jacobian is worth the workers of a cluster."""
+        return self.simulator.has_tangents and is_large(self._tangent_columns)
+
+    @property
+    def _tangent_columns(self) -> TangentColumns:
+        return TangentColumns(
+            self.simulator, self.start, self._tendency, self.sensors, self.times, self.forcing
+        )
+
     def _columns(self, z: Tensor, xi: Tensor, deadline: Deadline = NEVER) -> Tensor:
         """Return the Jacobian from tangent-linear equations."""
-        simulator, size = self.simulator, self.start.size
-        tendency, unknowns = self._tendency, self._tendency_unknowns(z, xi)
-        columns = TangentColumns(
-            simulator, self.start, tendency, self.sensors, self.times, self.forcing
-        )
-        weights = tendency.compiled_weights(simulator, unknowns)
+        simulator, size, unknowns = self.simulator, self.start.size, self._tendency_unknowns(z, xi)
+        weights = self._tendency.compiled_weights(simulator, unknowns)
         point = TangentPoint(z[:size], unknowns, xi[self.slices.forcing], weights)
-        found = compute_columns(columns, point, deadline)
+        found = compute_columns(self._tangent_columns, point, deadline)
         found[..., size : len(z)] *= simulator.parameters.stds.to(found.dtype)
         return found
 

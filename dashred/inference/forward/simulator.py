@@ -10,6 +10,7 @@ After the last sample of an episode its time and its state are repeated.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 
 import torch
@@ -54,6 +55,11 @@ class Simulator:
         self.system, self.tangent, self.shapes = first.system, first.tangent, first.shapes
         self.has_tangents = all(part.has_tangents for part in parts)
         self.has_chunks = all(part.has_chunks for part in parts)
+
+    @property
+    def values(self) -> int:
+        """Number of values of the state of an episode."""
+        return len(self.system.fields) * math.prod(self.system.grid.shape)
 
     def has_compiled(self, candidates: Sequence[Candidate]) -> bool:
         """Return whether compiled code integrates trajectories with these candidates."""

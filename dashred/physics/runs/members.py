@@ -12,9 +12,7 @@ from functools import cached_property
 
 from torch import Tensor
 
-from dashred.core.cluster.calls import CallLostError, ClusterCalls, cluster_in_use
-from dashred.core.cluster.word import WHERE
-from dashred.core.errors import InputError
+from dashred.core.cluster.calls import ClusterCalls, cluster_in_use
 from dashred.core.threads import in_threads
 from dashred.core.work import count_trajectories
 from dashred.physics.expressions.semilinear import NotSemilinearError
@@ -110,14 +108,7 @@ def _on_workers(
             (simulator,), MemberSimulator.run, starts[rows], times, forcing.coefficients, rows
         )
 
-    try:
-        for done in in_threads(run, groups, calls.count):
-            if progress is not None:
-                progress(done)
-    except CallLostError as lost:
-        raise InputError(
-            f"the ensemble cannot be simulated: its call {lost}",
-            where=WHERE,
-            hint="what is finished is kept: give the workers more memory, or leave cluster= out",
-        ) from None
+    for done in in_threads(run, groups, calls.count):
+        if progress is not None:
+            progress(done)
     return states

@@ -53,6 +53,8 @@ def test_a_worker_that_dies_gets_the_things_again(calls: ClusterCalls, tmp_path:
 
 def test_a_call_that_kills_its_workers_is_lost(calls: ClusterCalls) -> None:
     with pytest.raises(CallLostError, match="ends its worker"):
+        calls.call(die, VALUES)
+    with pytest.raises(NotAnsweredError, match=r"cluster=: a part of the analysis ends its worker"):
         calls.call_with((VALUES,), die)
 
 

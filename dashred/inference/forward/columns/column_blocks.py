@@ -7,7 +7,6 @@ on the number of workers nor on whether there is a cluster.
 
 from __future__ import annotations
 
-import math
 import time
 from collections import Counter
 
@@ -15,17 +14,15 @@ import torch
 from torch import Tensor
 
 from dashred.core.budget import NEVER, Deadline
-from dashred.core.cluster.calls import CallLostError, ClusterCalls, cluster_in_use
-from dashred.core.cluster.word import WHERE
-from dashred.core.errors import InputError
+from dashred.core.cluster.calls import ClusterCalls, cluster_in_use
 from dashred.core.threads import in_threads
 from dashred.core.work import add_work, counted
+from dashred.inference.forward.columns.tangent_columns import TangentColumns, TangentPoint
 from dashred.inference.forward.episodes import without_padding
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.forward.law_block import LawBlock
 from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
-from dashred.inference.forward.tangent_columns import TangentColumns, TangentPoint
 from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.solvers.schedule import count_steps
 from dashred.physics.tangents.tangent_linear import columns_together
@@ -35,14 +32,18 @@ from dashred.physics.tangents.tangent_linear import columns_together
 LARGE = 5e7
 
 
-def column_blocks(columns: TangentColumns) -> list[slice]:
-    """Return the blocks of columns that are integrated and read together."""
-    count, simulator = columns.count, columns.simulator
+def is_large(columns: TangentColumns) -> bool:
+    """Return whether a Jacobian is worth the workers of a cluster."""
+    simulator = columns.simulator
     clocks = [without_padding(clock).tolist() for clock in columns.times.T]
     steps = sum(count_steps(clock, simulator.tangent.dt) for clock in clocks)
-    values = len(simulator.system.fields) * math.prod(simulator.system.grid.shape)
-    size = columns_together(values)
-    if not simulator.has_chunks or count < 2 * size or count * steps * values < LARGE:
+    return simulator.has_chunks and columns.count * steps * simulator.values >= LARGE
+
+
+def column_blocks(columns: TangentColumns) -> list[slice]:
+    """Return the blocks of columns that are integrated and read together."""
+    count, size = columns.count, columns_together(columns.simulator.values)
+    if count < 2 * size or not is_large(columns):
         return [slice(0, count)]
     # The last block is no shorter than the others: all are read one sample at a time.
     begins = range(0, count - size + 1, size)
@@ -87,15 +88,8 @@ def _on_workers(
         mine = blocks[edges[i] : edges[i + 1]]
         found[i] = calls.call_with(kept, columns_on_worker, own, point, mine, seconds)
 
-    try:
-        for _ in in_threads(run, groups, groups):
-            deadline.check()
-    except CallLostError as lost:
-        raise InputError(
-            f"the columns of a Jacobian cannot be computed: their call {lost}",
-            where=WHERE,
-            hint="what is finished is kept: give the workers more memory, or leave cluster= out",
-        ) from None
+    for _ in in_threads(run, groups, groups):
+        deadline.check()
     for _, work in found.values():
         add_work(work)
     return torch.cat([found[i][0] for i in range(groups)], dim=-1)

@@ -16,7 +16,7 @@ from dashred.core.budget import Deadline, OutOfTimeError
 from dashred.core.cluster.calls import cluster_in_use, use_cluster
 from dashred.core.cluster.word import Cluster
 from dashred.core.work import work_done
-from dashred.inference.forward import column_blocks as module
+from dashred.inference.forward.columns import column_blocks as module
 from dashred.inference.forward.episodes import EpisodeStarts, stack_times
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.forward.forward_model import ForwardModel
