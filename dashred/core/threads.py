@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from threading import Event
+from threading import Event, current_thread
 
 import torch
 from threadpoolctl import threadpool_limits
 
+# Beginning of the names of the threads; what they do in threads ends with them.
+NAME = "in_threads"
 _threads = 1
 _given_up = Event()
 
@@ -51,14 +53,15 @@ def in_threads(
         Fraction of finished tasks, after each task.
     """
     threads = _threads if at_once is None else at_once
+    if not current_thread().name.startswith(NAME):
+        _given_up.clear()
     if count == 1 or threads == 1:
         for j in range(count):
             run(j)
             yield (j + 1) / count
         return
-    _given_up.clear()
     # Each thread of torch would otherwise start several more.
-    with ThreadPoolExecutor(threads, initializer=torch.set_num_threads, initargs=(1,)) as pool:
+    with ThreadPoolExecutor(threads, NAME, torch.set_num_threads, (1,)) as pool:
         try:
             for done, _ in enumerate(pool.map(run, range(count)), start=1):
                 yield done / count
