@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from threading import Event, current_thread
+from threading import Event, local
 
 import torch
 from threadpoolctl import threadpool_limits
 
-# Beginning of the names of the threads; what they do in threads ends with them.
-NAME = "in_threads"
 _threads = 1
-_given_up = Event()
+# In each thread of a call of `in_threads`, what tells that its results are given up.
+_own = local()
 
 
 def use_threads(count: int) -> None:
@@ -33,8 +32,8 @@ def thread_count() -> int:
 
 
 def is_given_up() -> bool:
-    """Return whether nobody waits for the tasks any more; a task that waits long should end."""
-    return _given_up.is_set()
+    """Return whether nobody waits for the task of this thread; one that waits long should end."""
+    return any(event.is_set() for event in getattr(_own, "given_up", ()))
 
 
 def in_threads(
@@ -53,18 +52,23 @@ def in_threads(
         Fraction of finished tasks, after each task.
     """
     threads = _threads if at_once is None else at_once
-    if not current_thread().name.startswith(NAME):
-        _given_up.clear()
     if count == 1 or threads == 1:
         for j in range(count):
             run(j)
             yield (j + 1) / count
         return
-    # Each thread of torch would otherwise start several more.
-    with ThreadPoolExecutor(threads, NAME, torch.set_num_threads, (1,)) as pool:
+    given_up = Event()
+    events = (*getattr(_own, "given_up", ()), given_up)
+
+    def begin() -> None:
+        # Each thread of torch would otherwise start several more.
+        torch.set_num_threads(1)
+        _own.given_up = events
+
+    with ThreadPoolExecutor(threads, initializer=begin) as pool:
         try:
             for done, _ in enumerate(pool.map(run, range(count)), start=1):
                 yield done / count
         except BaseException:  # Ctrl-C, for example
-            _given_up.set()
+            given_up.set()
             raise

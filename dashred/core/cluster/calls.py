@@ -99,7 +99,7 @@ class ClusterCalls:
                 raise NotAnsweredError(
                     f"a part of the analysis {lost}",
                     where=WHERE,
-                    hint="what is finished is kept: give the workers more memory, or leave it out",
+                    hint="what is finished is kept: give them more memory, or leave out cluster=",
                 ) from None
             if not isinstance(found, Missing):
                 return found

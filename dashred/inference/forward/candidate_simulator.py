@@ -169,7 +169,7 @@ class CandidateSimulator:
         sampled_forcing: SampledForcing | None,
         forcing_basis: ForcingBasis | None,
         weights: Tensor | None,
-        chosen: range,
+        chosen: range | None = None,
     ) -> Iterator[tuple[Tensor, Tensor]]:
         """Yield the state and its derivatives at every time.
 
@@ -186,9 +186,11 @@ class CandidateSimulator:
             forcing_basis: basis of the free forcing.
             weights: weights of the law, for a trajectory of compiled code; None for one that is
                 not compiled.
-            chosen: the columns that are wanted: all, if the system :attr:`has_chunks` not.
+            chosen: the columns that are wanted; None, or all of them, without :attr:`has_chunks`.
         """
-        count_columns(len(chosen), count_steps(times.tolist(), self.tangent.dt), start.numel())
+        columns = len(directions) + len(sources) + (forcing_basis.count if forcing_basis else 0)
+        columns = columns if chosen is None else len(chosen)
+        count_columns(columns, count_steps(times.tolist(), self.tangent.dt), start.numel())
         base = self.tangent, start, directions, times, forcing, sources
         if self.system.program is not None:
             return tangent_program(*base, sampled_forcing, forcing_basis)

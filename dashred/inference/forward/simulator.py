@@ -142,7 +142,7 @@ class Simulator:
                 amplitudes.
             weights: weights of the law, ``(1, weight)``, for a compiled trajectory; None for one
                 that is not compiled.
-            chosen: the columns that are wanted: all, if the simulator :attr:`has_chunks` not.
+            chosen: the columns that are wanted; all of them without :attr:`has_chunks`.
         """
         moving = directions.flatten(2).any(dim=2)
         others = len(sources) + (forcing_basis.count if forcing_basis else 0)

@@ -11,6 +11,7 @@ from dashred.core.errors import InputError
 
 FIELD = """\
 system:
+  title: Waves
   axes: {x: {length: 10, points: 64}}
   fields: {u: height}
   equations: {u: -u + 0.1*lap(u)}
@@ -21,6 +22,7 @@ recording: {twin: a, every: 0.1}
 """
 ODE = """\
 system:
+  title: Decay
   fields: {u: height}
   equations: {u: -u}
   start: {u: 1}
