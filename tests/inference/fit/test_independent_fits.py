@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -10,8 +9,7 @@ import pytest
 import torch
 
 from dashred.core.budget import Deadline, OutOfTimeError
-from dashred.core.cluster.calls import ClusterCalls, cluster_in_use, use_cluster
-from dashred.core.cluster.word import Cluster
+from dashred.core.cluster.calls import ClusterCalls
 from dashred.inference.fit import independent_fits as module
 from dashred.inference.fit.independent_fits import Fit, fit_all, fit_in_time
 from dashred.inference.fit.least_squares import LeastSquaresProblem
@@ -35,13 +33,11 @@ def objective(waves: Waves) -> LeastSquaresProblem:
     return replace(found, forward_model=model).truncate(12)
 
 
-@pytest.fixture(scope="module")
-def workers() -> Iterator[ClusterCalls]:
-    pytest.importorskip("distributed")
-    with use_cluster(Cluster("local", 2), {}):
-        calls = cluster_in_use()
-        assert calls is not None
-        yield calls
+@pytest.fixture
+def workers(two_workers: ClusterCalls, monkeypatch: pytest.MonkeyPatch) -> ClusterCalls:
+    """Two workers that are in use."""
+    monkeypatch.setattr(module, "cluster_in_use", lambda: two_workers)
+    return two_workers
 
 
 def fits_of(objective: LeastSquaresProblem) -> list[Fit[FitResult]]:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
 import torch
 from torch import Tensor
 
-from dashred.core.cluster.calls import use_cluster
-from dashred.core.cluster.word import Cluster
+from dashred.core.cluster.calls import ClusterCalls
 from dashred.core.work import work_done
 from dashred.physics.runs import members as module
 from dashred.physics.runs.initial_state_prior import nominal_start
@@ -31,11 +28,10 @@ NESTED = """
 """
 
 
-@pytest.fixture(scope="module", params=[1, 2, 3])
-def workers(request: pytest.FixtureRequest) -> Iterator[int]:
-    pytest.importorskip("distributed")
-    with use_cluster(Cluster("local", request.param), {}):
-        yield request.param
+@pytest.fixture(params=[1, 2, 3])
+def calls(request: pytest.FixtureRequest, two_workers: ClusterCalls) -> ClusterCalls:
+    """So many calls at once."""
+    return ClusterCalls(two_workers._client, request.param)
 
 
 def drawn(system: System, texts: tuple[tuple[str, str], ...]) -> tuple[Tensor, Forcing]:
@@ -49,31 +45,30 @@ def drawn(system: System, texts: tuple[tuple[str, str], ...]) -> tuple[Tensor, F
     return starts, Forcing(resolve(system, library), coefficients)
 
 
-def here(monkeypatch, *given) -> Tensor:
-    with monkeypatch.context() as patch:
-        patch.setattr(module, "cluster_in_use", lambda: None)
-        return module.simulate_members(*given, rounds=ROUNDS)
-
-
-def test_workers_return_the_bits_of_this_machine(reaction, workers, monkeypatch) -> None:
+def test_workers_return_the_bits_of_this_machine(reaction, calls, monkeypatch) -> None:
     terms = (("u", "u**2"), ("u", "lap(u)"), ("v", "u*v"), ("v", "d(u, x)"), ("v", "v"))
     starts, forcing = drawn(reaction, terms)
-    expected = here(monkeypatch, reaction, starts, TIMES, forcing)
-    monkeypatch.setattr(module, "WORTHWHILE", 0)
-    done: list[float] = []
     before = work_done()
+    expected = module.simulate_members(reaction, starts, TIMES, forcing, rounds=ROUNDS)
+    between = work_done()
+    monkeypatch.setattr(module, "WORTHWHILE", 0)
+    monkeypatch.setattr(module, "cluster_in_use", lambda: calls)
+    done: list[float] = []
     found = module.simulate_members(reaction, starts, TIMES, forcing, done.append)
     assert torch.equal(found, expected)
-    assert done[-1] == 1.0 and len(done) == workers
-    again = work_done()["trajectory values"] - before["trajectory values"]
-    here(monkeypatch, reaction, starts, TIMES, forcing)
-    assert work_done()["trajectory values"] - before["trajectory values"] == 2 * again
+    assert done[-1] == 1.0 and len(done) == calls.count
+    there, here = (
+        late["trajectory values"] - early["trajectory values"]
+        for early, late in ((between, work_done()), (before, between))
+    )
+    assert there == here > 0
 
 
-def test_equations_that_are_not_compiled_run_here(make_system, workers, monkeypatch) -> None:
+def test_equations_that_are_not_compiled_run_here(make_system, two_workers, monkeypatch) -> None:
     system = make_system(NESTED)
     starts, forcing = drawn(system, (("u", "u**2"),))
     monkeypatch.setattr(module, "WORTHWHILE", 0)
+    monkeypatch.setattr(module, "cluster_in_use", lambda: two_workers)
     found = module.simulate_members(system, starts, TIMES, forcing)
     assert torch.equal(found, simulate(system, starts, TIMES, forcing))
 

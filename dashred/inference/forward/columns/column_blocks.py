@@ -28,8 +28,8 @@ from dashred.physics.solvers.schedule import count_steps
 from dashred.physics.tangents.tangent_linear import columns_together
 
 # Columns times their steps and the values of a state from which a Jacobian is divided. On a core of
-# 2.5 GHz so many take about a second, and a call with its data takes a few hundredths of one.
-LARGE = 5e7
+# 2.5 GHz so many take about 0.7 s, and a call with its data takes a few hundredths of that.
+LARGE = 2e7
 
 
 def is_large(columns: TangentColumns) -> bool:
