@@ -16,7 +16,7 @@ from dashred.core.threads import is_given_up
 if TYPE_CHECKING:
     from distributed import Client
 
-# Seconds between looks at whether the result is still waited for.
+# Seconds between looks at whether a result is still waited for.
 GLANCE = 0.5
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -59,22 +59,23 @@ class ClusterCalls:
         """
         from distributed import KilledWorker
 
-        future = self._client.submit(function, *args, **kwargs, pure=False)
-        while True:
-            try:
-                return future.result(timeout=GLANCE)
-            except TimeoutError:
-                if is_given_up() or self._stopped.is_set():
-                    future.cancel()
-                    raise NotAnsweredError("the calls on the cluster were stopped") from None
-            except KilledWorker as killed:
-                raise CallLostError(f"ends its worker: {str(killed)[:200]}") from None
-            except CancelledError:
-                raise NotAnsweredError(
-                    "the scheduler is lost",
-                    where=WHERE,
-                    hint="what is finished is kept: start it, and run the command again",
-                ) from None
+        future, done = self._client.submit(function, *args, **kwargs, pure=False), Event()
+        # A result with a timeout would be interrupted while it is transferred, and then be lost.
+        future.add_done_callback(lambda _: done.set())
+        while not done.wait(GLANCE):
+            if is_given_up() or self._stopped.is_set():
+                future.cancel()
+                raise NotAnsweredError("the calls on the cluster were stopped")
+        try:
+            return future.result()
+        except KilledWorker as killed:
+            raise CallLostError(f"ends its worker: {str(killed)[:200]}") from None
+        except CancelledError:
+            raise NotAnsweredError(
+                "the scheduler is lost",
+                where=WHERE,
+                hint="what is finished is kept: start it, and run the command again",
+            ) from None
 
     def call_with(self, things: tuple[object, ...], function: Callable[..., T], *args: object) -> T:
         """Call ``function(*things, *args)`` as :meth:`call` does; a worker keeps the things.

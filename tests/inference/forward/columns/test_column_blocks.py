@@ -150,7 +150,7 @@ def test_a_fit_without_a_cluster_does_not_import_dask(tmp_path: Path) -> None:
         "import sys, torch\nfrom pathlib import Path\nfrom tests.waves import Waves, LawBlock\n"
         "import dashred.pipeline.equations\n"
         f"model = Waves.declared(Path({str(tmp_path)!r})).forward_model(LawBlock([]))\n"
-        "model.linearise(torch.zeros(model.modes).double(), torch.zeros(0).double())\n"
+        "model._columns(torch.zeros(model.modes).double(), torch.zeros(0).double())\n"
         "print(sorted({'dask', 'distributed'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
