@@ -13,6 +13,7 @@ from threading import Timer
 
 import pytest
 
+from dashred.core.cluster import connection
 from dashred.core.cluster.calls import ClusterCalls, NotAnsweredError, open_calls
 from dashred.core.cluster.kept_objects import MOST, Missing, Package, Packages, call_with_kept
 from dashred.core.cluster.word import Cluster
@@ -110,11 +111,13 @@ def scheduler() -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
 
 
 @pytest.mark.slow
-def test_a_lost_scheduler_is_said_in_one_message() -> None:
-    with scheduler() as (address, process):
-        time.sleep(5)
-        with open_calls(Cluster("address", address=address), {}) as calls:
-            assert calls.call(wait, 0.0) == 0.0
-            Timer(1.0, process.kill).start()
-            with pytest.raises(NotAnsweredError, match=r"cluster=: the scheduler is lost\n.*kept"):
-                calls.call(wait, 60.0)
+def test_a_lost_scheduler_is_said_in_one_message(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection, "ANSWER_SECONDS", 120)
+    with (
+        scheduler() as (address, process),
+        open_calls(Cluster("address", address=address), {}) as calls,
+    ):
+        assert calls.call(wait, 0.0) == 0.0
+        Timer(1.0, process.kill).start()
+        with pytest.raises(NotAnsweredError, match=r"cluster=: the scheduler is lost\n.*kept"):
+            calls.call(wait, 60.0)
