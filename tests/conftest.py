@@ -18,6 +18,8 @@ import pytest
 import torch
 from hypothesis import settings
 
+from dashred.core.cluster.calls import ClusterCalls, open_calls
+from dashred.core.cluster.word import Cluster
 from dashred.core.mlflow.store import open_store
 
 torch.set_num_threads(1)
@@ -107,6 +109,14 @@ def copy_store(empty_store: Path, root: Path) -> None:
     if not root.exists():
         root.mkdir(parents=True)
         shutil.copy(empty_store, root)
+
+
+@pytest.fixture(scope="session")
+def two_workers() -> Iterator[ClusterCalls]:
+    """Calls on two workers of this machine, for tests that put them into use."""
+    pytest.importorskip("distributed")
+    with open_calls(Cluster("local", 2), {}) as calls:
+        yield calls
 
 
 @pytest.fixture(scope="session")

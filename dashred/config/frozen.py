@@ -11,6 +11,8 @@ from typing import Any
 from dashred.config.schema.settings import Settings
 
 OUTPUT_SECTIONS = ("output", "tracking")
+# Where an analysis is computed does not change its findings: another cluster may continue it.
+NOT_SETTINGS = (*OUTPUT_SECTIONS, "cluster")
 # Keys that apply only to recording a twin, not to an existing recording.
 TWIN_ONLY = ("noise", "duration", "reads")
 # Keys of a simulator that do not change its results.
@@ -31,14 +33,14 @@ LATER_KEYS = (
 def frozen_input(config: Settings) -> dict[str, Any]:
     """Return everything that determines the findings as a plain nested dict.
 
-    Output locations are omitted, and files are named without their folders, so that the result
-    does not depend on where a run is made. The contents of the files are hashed with the
-    recording.
+    Output locations and the cluster are omitted, and files are named without their folders, so
+    that the result does not depend on where a run is made. The contents of the files are hashed
+    with the recording.
     """
     values = {
         field.name: asdict(config)[field.name]
         for field in fields(Settings)
-        if field.name not in OUTPUT_SECTIONS
+        if field.name not in NOT_SETTINGS
     }
     recording = values["recording"]
     # Keeps the hash of configurations from before these keys were introduced.

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from threading import Event
+from threading import Event, local
 
 import torch
+from threadpoolctl import threadpool_limits
 
 _threads = 1
-_given_up = Event()
+# In each thread of a call of `in_threads`, what tells that its results are given up.
+_own = local()
 
 
 def use_threads(count: int) -> None:
@@ -18,14 +20,20 @@ def use_threads(count: int) -> None:
     _threads = count
 
 
+def compute_in_one_thread() -> None:
+    """Let torch and NumPy's linear algebra compute in one thread of this process."""
+    torch.set_num_threads(1)
+    threadpool_limits(1)
+
+
 def thread_count() -> int:
     """Return the number of threads of the process."""
     return _threads
 
 
 def is_given_up() -> bool:
-    """Return whether nobody waits for the tasks any more; a task that waits long should end."""
-    return _given_up.is_set()
+    """Return whether nobody waits for the task of this thread; one that waits long should end."""
+    return any(event.is_set() for event in getattr(_own, "given_up", ()))
 
 
 def in_threads(
@@ -49,12 +57,18 @@ def in_threads(
             run(j)
             yield (j + 1) / count
         return
-    _given_up.clear()
-    # Each thread of torch would otherwise start several more.
-    with ThreadPoolExecutor(threads, initializer=torch.set_num_threads, initargs=(1,)) as pool:
+    given_up = Event()
+    events = (*getattr(_own, "given_up", ()), given_up)
+
+    def begin() -> None:
+        # Each thread of torch would otherwise start several more.
+        torch.set_num_threads(1)
+        _own.given_up = events
+
+    with ThreadPoolExecutor(threads, initializer=begin) as pool:
         try:
             for done, _ in enumerate(pool.map(run, range(count)), start=1):
                 yield done / count
         except BaseException:  # Ctrl-C, for example
-            _given_up.set()
+            given_up.set()
             raise

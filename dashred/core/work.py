@@ -7,6 +7,9 @@ them with those of an earlier version of the code.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from threading import Lock
 
 # Time steps of trajectories, and of columns of Jacobians: derivatives of a trajectory.
@@ -19,6 +22,8 @@ TRANSFORMS, TRANSFORM_VALUES = "transforms", "transform values"
 
 _done: Counter[str] = Counter()
 _lock = Lock()
+# What counts the work of this thread.
+_counter: ContextVar[Counter[str]] = ContextVar("work", default=_done)
 
 
 def count_trajectories(rows: int, steps: int, values: int) -> None:
@@ -29,12 +34,12 @@ def count_trajectories(rows: int, steps: int, values: int) -> None:
         steps: time steps of each.
         values: number of values of a state.
     """
-    _add({TRAJECTORY_STEPS: rows * steps, TRAJECTORY_VALUES: rows * steps * values})
+    add_work({TRAJECTORY_STEPS: rows * steps, TRAJECTORY_VALUES: rows * steps * values})
 
 
 def count_columns(columns: int, steps: int, values: int) -> None:
     """Count columns of a Jacobian; see :func:`count_trajectories`."""
-    _add({COLUMN_STEPS: columns * steps, COLUMN_VALUES: columns * steps * values})
+    add_work({COLUMN_STEPS: columns * steps, COLUMN_VALUES: columns * steps * values})
 
 
 def count_transforms(count: int, points: int) -> None:
@@ -44,15 +49,27 @@ def count_transforms(count: int, points: int) -> None:
         count: number of transforms of one field.
         points: number of grid points.
     """
-    _add({TRANSFORMS: count, TRANSFORM_VALUES: count * points})
+    add_work({TRANSFORMS: count, TRANSFORM_VALUES: count * points})
+
+
+def add_work(counts: Mapping[str, int]) -> None:
+    """Count work by name, for example that of another process."""
+    # Columns are integrated in threads.
+    with _lock:
+        _counter.get().update(counts)
+
+
+@contextmanager
+def counted() -> Iterator[Counter[str]]:
+    """Count the work of this thread in a block apart from all other work."""
+    work: Counter[str] = Counter()
+    token = _counter.set(work)
+    try:
+        yield work
+    finally:
+        _counter.reset(token)
 
 
 def work_done() -> dict[str, int]:
     """Return the counts since the start of the process."""
     return dict(_done)
-
-
-def _add(counts: dict[str, int]) -> None:
-    # Columns are integrated in threads.
-    with _lock:
-        _done.update(counts)

@@ -6,9 +6,8 @@ import logging
 import warnings
 
 import torch
-from threadpoolctl import threadpool_limits
 
-from dashred.core.threads import use_threads
+from dashred.core.threads import compute_in_one_thread, use_threads
 
 
 def set_up_torch(threads: int) -> None:
@@ -22,8 +21,7 @@ def set_up_torch(threads: int) -> None:
     # NumPy's linear algebra would mostly wait for each other. Moreover, with several threads the
     # batched LU of matrices larger than 150 is wrong in torch 2.13 with MKL 2024.2: one of 200 was
     # off by 1e14 without an error, or the call hung.
-    torch.set_num_threads(1)
-    threadpool_limits(1)
+    compute_in_one_thread()
     torch.use_deterministic_algorithms(True, warn_only=True)
     # Lightning prints tips and notes about GPUs that do not concern the user.
     logging.getLogger("lightning.pytorch").setLevel(logging.ERROR)

@@ -296,7 +296,6 @@ WRONG_VALUES = [
     ("device=gpu", "unknown device 'gpu'"),
     ("cluster=10.0.0.5:8786", "'10.0.0.5:8786' is not one of local"),
     ("cluster=0", "0 is not a number of workers from 1 to 1024"),
-    ("cluster=2", "cluster runs the calls of system.simulator.command, and this system has none"),
     (
         "system.axes.x.points=7",
         "system.axes.x.points must be at least 8 and at most 1000000; got 7",

@@ -8,6 +8,7 @@ from collections import Counter
 from dataclasses import is_dataclass
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
+from dashred.config.checks.cluster_checks import check_cluster
 from dashred.config.checks.simulator_checks import check_simulator
 from dashred.config.checks.snapshot_checks import check_snapshots
 from dashred.config.checks.system_checks import check_system
@@ -16,7 +17,6 @@ from dashred.config.checks.trainer_checks import check_trainer
 from dashred.config.schema.recording import Recording, SensorSplit
 from dashred.config.schema.settings import Settings
 from dashred.config.schema.types import Where, required
-from dashred.core.cluster.word import EXAMPLES, read_cluster
 from dashred.core.errors import InputError, nearest
 from dashred.core.limits import Limit
 from dashred.core.stated.average import parse_average
@@ -54,29 +54,13 @@ def check(settings: Settings, where: Where) -> None:
         )
     if settings.simulation.memory is not None:
         parse_memory(settings.simulation.memory, where("simulation.memory"))
-    _check_cluster(settings, where)
+    check_cluster(settings, where)
     if not DEVICE.match(settings.device):
         raise InputError(
             f"unknown device {settings.device!r}", where=where("device"), hint="cpu, cuda or cuda:1"
         )
     check_trainer(settings, where)
     check_tracking(settings.tracking, where)
-
-
-def _check_cluster(settings: Settings, where: Where) -> None:
-    if settings.cluster is None:
-        return
-    try:
-        read_cluster(settings.cluster)
-    except ValueError as error:
-        raise InputError(str(error), where=where("cluster"), hint=EXAMPLES) from None
-    simulator = settings.system.simulator
-    if simulator is None or simulator.command is None:
-        raise InputError(
-            "cluster runs the calls of system.simulator.command, and this system has none",
-            where=where("cluster"),
-            hint="leave it out: equations are computed in threads=",
-        )
 
 
 def check_limits(value: Any, kind: Any, key: str, where: Where) -> None:

@@ -242,9 +242,10 @@ class Settings:
     and more threads would wait for each other on a busy machine."""
 
     cluster: str | None
-    """Dask workers that run the calls of ``system.simulator.command``: ``local`` (a process for
-    each core), a number of processes, the address of a scheduler (``tcp://HOST:PORT``), ``slurm:N``
-    or ``kubernetes:N``. Null calls it in threads of this machine."""
+    """Dask workers that compute parts of an analysis: the calls of ``system.simulator.command``, or
+    the ensemble and the Jacobians of large spectral fields. ``local`` (a process for each core), a
+    number of processes, the address of a scheduler (``tcp://HOST:PORT``), ``slurm:N`` or
+    ``kubernetes:N``. Null computes in threads of this machine."""
 
     device: str
     """Device for the networks, and for trajectories of spectral fields and their derivatives:

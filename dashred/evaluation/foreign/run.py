@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from threading import Event
 
+from dashred.core.cluster.calls import NotAnsweredError
 from dashred.core.findings.findings import write_json_atomic
 from dashred.core.job_control import lock_folder, signals_as_interrupt
 from dashred.core.progress import CONSOLE
@@ -23,11 +24,7 @@ from dashred.evaluation.foreign.plan import chosen
 from dashred.evaluation.foreign.rows import Row, is_done, read_row, write_row
 from dashred.evaluation.foreign.score_case import empty_row, score_case
 from dashred.evaluation.isolation.analysis import FOUND, GIVEN, LOG, Analysis
-from dashred.evaluation.isolation.analysts import (
-    Analysts,
-    NotAnsweredError,
-    open_analysts,
-)
+from dashred.evaluation.isolation.analysts import Analysts, open_analysts
 from dashred.evaluation.side_by_side import run_all
 from dashred.pipeline.run.output_dir import make_output
 

@@ -3,25 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from threading import Event
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
-from dashred.core.cluster.word import WHERE, Cluster
-from dashred.core.errors import InputError
+from dashred.core.cluster.calls import CallLostError, ClusterCalls, NotAnsweredError, open_calls
+from dashred.core.cluster.word import Cluster
 from dashred.evaluation.isolation.analysis import Analysis, Answer, analyse
 from dashred.evaluation.isolation.worker import Worker
-
-if TYPE_CHECKING:
-    from distributed import Client
-
-# How often an analysis is started again after its worker died.
-RETRIES = 2
-
-
-class NotAnsweredError(InputError):
-    """The command ends before an analysis has: nothing may be stored for its case."""
 
 
 class Analysts(Protocol):
@@ -76,28 +65,15 @@ class LocalAnalysts:
 class ClusterAnalysts:
     """Analyse on the workers of a Dask cluster; see :class:`Analysts`."""
 
-    def __init__(self, client: Client, count: int) -> None:
-        self.count = count
-        self._executor = client.get_executor(pure=False, retries=RETRIES)
+    def __init__(self, calls: ClusterCalls) -> None:
+        self._calls, self.count, self.stop = calls, calls.count, calls.stop
 
     def analyse(self, analysis: Analysis) -> Answer:
         """Run an analysis and wait for its answer; if all its workers died, there is none."""
-        from distributed import KilledWorker
-
         try:
-            return self._executor.submit(analyse, analysis).result()
-        except KilledWorker as killed:
-            return Answer(0.0, 0.0, f"its workers died: {str(killed)[:200]}", b"", lost=True)
-        except CancelledError:
-            raise NotAnsweredError(
-                "the scheduler is lost",
-                where=WHERE,
-                hint="finished cases are kept: start the scheduler, and run the command again",
-            ) from None
-
-    def stop(self) -> None:
-        """End the running analyses."""
-        self._executor.shutdown(wait=False, cancel_futures=True)
+            return self._calls.call(analyse, analysis)
+        except CallLostError as lost:
+            return Answer(0.0, 0.0, f"the analysis {lost}", b"", lost=True)
 
 
 @contextmanager
@@ -109,12 +85,10 @@ def open_analysts(cluster: Cluster | None, jobs: int) -> Iterator[Analysts]:
         jobs: number of analyses at once on this machine.
 
     Raises:
-        InputError: as :func:`dashred.core.cluster.connection.connect`.
+        InputError: as :func:`dashred.core.cluster.calls.open_calls`.
     """
     if cluster is None:
         yield LocalAnalysts(jobs)
         return
-    from dashred.core.cluster.connection import connect, task_count
-
-    with connect(cluster) as client:
-        yield ClusterAnalysts(client, task_count(client, cluster))
+    with open_calls(cluster, {}) as calls:
+        yield ClusterAnalysts(calls)

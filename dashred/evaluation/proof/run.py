@@ -11,15 +11,12 @@ from threading import Lock
 
 import torch
 
+from dashred.core.cluster.calls import NotAnsweredError
 from dashred.core.findings.findings import check_freeze
 from dashred.core.job_control import lock_folder, signals_as_interrupt
 from dashred.core.progress import CONSOLE
 from dashred.evaluation.isolation.analysis import FOUND, GIVEN, LOG, Analysis
-from dashred.evaluation.isolation.analysts import (
-    Analysts,
-    NotAnsweredError,
-    open_analysts,
-)
+from dashred.evaluation.isolation.analysts import Analysts, open_analysts
 from dashred.evaluation.isolation.worker import LIMIT
 from dashred.evaluation.proof.cases.case_record import CaseRecord
 from dashred.evaluation.proof.cases.case_store import (

@@ -7,7 +7,6 @@ of a trajectory are a row of weights, so that one compiled program serves every 
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterator, Sequence
 from functools import cached_property, partial
 
@@ -77,6 +76,10 @@ class CandidateSimulator:
     def _run(self) -> CompiledSystem:
         return compile_system(self.system, self.terms, self.shapes)
 
+    def __getstate__(self) -> dict[str, object]:
+        """Return what a worker of a cluster needs: it compiles the system itself."""
+        return {name: value for name, value in vars(self).items() if name != "_run"}
+
     @property
     def compiled(self) -> CompiledETDRK4 | CompiledCells | None:
         """The compiled simulator of fields; None before the first run, and for other systems."""
@@ -97,15 +100,21 @@ class CandidateSimulator:
 
     def coarse(self) -> CandidateSimulator:
         """Return the simulator with the time step of the derivative for its trajectories, too."""
-        other = copy.copy(self)
+        other = self._copy()
         other.system = self.tangent
         other._run = self._run.with_step(self.tangent.dt)
         return other
 
     def finer(self) -> CandidateSimulator:
         """Return the simulator with the time step of the system for its derivative, too."""
-        other = copy.copy(self)
+        other = self._copy()
         other.tangent = self.system
+        return other
+
+    def _copy(self) -> CandidateSimulator:
+        """Return a copy with what is compiled."""
+        other = CandidateSimulator.__new__(CandidateSimulator)
+        vars(other).update(vars(self))
         return other
 
     def with_candidates(self, candidates: Sequence[Candidate]) -> CandidateSimulator:
@@ -160,20 +169,34 @@ class CandidateSimulator:
         sampled_forcing: SampledForcing | None,
         forcing_basis: ForcingBasis | None,
         weights: Tensor | None,
+        chosen: range | None = None,
     ) -> Iterator[tuple[Tensor, Tensor]]:
         """Yield the state and its derivatives at every time.
 
         The columns are the directions of the start, the sources and the amplitudes of the forcing.
         See :meth:`.simulator.Simulator.tangents`.
+
+        Args:
+            start: ``(field, *grid)``.
+            directions: derivatives of the start, ``(direction, field, *grid)``.
+            times: ``(time,)``.
+            forcing: the law, one row.
+            sources: terms; a column is the derivative by the coefficient of one entry.
+            sampled_forcing: the free forcing, one row; None without one.
+            forcing_basis: basis of the free forcing.
+            weights: weights of the law, for a trajectory of compiled code; None for one that is
+                not compiled.
+            chosen: the columns that are wanted; None, or all of them, without :attr:`has_chunks`.
         """
         columns = len(directions) + len(sources) + (forcing_basis.count if forcing_basis else 0)
+        columns = columns if chosen is None else len(chosen)
         count_columns(columns, count_steps(times.tolist(), self.tangent.dt), start.numel())
         base = self.tangent, start, directions, times, forcing, sources
         if self.system.program is not None:
             return tangent_program(*base, sampled_forcing, forcing_basis)
         if not self.system.axes:
             return tangent_ode(*base, sampled_forcing, forcing_basis)
-        compiled = self.compiled
+        compiled = None if weights is None else self._run
         if self.system.has_conditions:
             stages = None
             if isinstance(compiled, CompiledCells) and weights is not None:
@@ -185,7 +208,15 @@ class CandidateSimulator:
         if isinstance(compiled, CompiledETDRK4) and weights is not None:
             own = compiled.with_step(self.tangent.dt)
             reference = CompiledTrajectory(own, weights, sampled_forcing)
-        return tangent_linear(*base, torch.float32, sampled_forcing, forcing_basis, reference)
+        return tangent_linear(
+            *base, torch.float32, sampled_forcing, forcing_basis, reference, chosen
+        )
+
+    @property
+    def has_chunks(self) -> bool:
+        """Whether columns are integrated in chunks, so that some can be had without the others."""
+        is_plain = self.system.program is None and self.system.device == CPU
+        return self.has_tangents and self.system.spectral and is_plain
 
     def _by_term(self, candidates: Sequence[Candidate], xi: Tensor) -> Tensor:
         weights = torch.zeros((len(xi), len(self.terms)), dtype=torch.float64)

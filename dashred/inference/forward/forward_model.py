@@ -21,14 +21,18 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.core.budget import NEVER, Deadline
+from dashred.inference.forward.columns.column_blocks import compute_columns, is_large
+from dashred.inference.forward.columns.tangent_columns import (
+    DIFFERENCE,
+    TangentColumns,
+    TangentPoint,
+)
 from dashred.inference.forward.episodes import concatenate_episodes
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.forward.law_block import LawBlock
 from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.initial_state.start_models import StartModel, project_state
-
-DIFFERENCE = 1e-5
 
 
 @dataclass(frozen=True)
@@ -142,8 +146,12 @@ class ForwardModel:
             unknowns: of the parameters and the law, ``(batch, unknown)``.
             first: index of the first sample.
         """
-        found = self.sensors.observe(states)
-        return found + self._effect(states, unknowns, first) if self._read_unknowns else found
+        found, read, law = self.sensors.observe(states), self.sensors.parameters, self._tendency
+        if read is None or not (chosen := read.index(law.candidates)):
+            return found
+        times = self.times[first : first + states.shape[1]]
+        own = [law.candidates[j] for j in chosen]
+        return found + read.effect(own, unknowns[:, chosen], states, times)
 
     def linearise(
         self,
@@ -208,77 +216,25 @@ class ForwardModel:
         """Return the unknowns of the parameters and the law, ``(…, unknown)``."""
         return torch.cat([self.parameter_changes(z), xi[..., self.slices.law]], dim=-1)
 
-    def _columns(self, z: Tensor, xi: Tensor, deadline: Deadline = NEVER) -> Tensor:
-        """Return the Jacobian from tangent-linear equations."""
-        size, stds = self.start.size, self.simulator.parameters.stds
-        eye = torch.eye(size, dtype=torch.float64)
-        [base] = self.starts(z[None])
-        directions = (self.start.start(z[:size] + DIFFERENCE * eye) - base) / DIFFERENCE
-        tendency, unknowns = self._tendency, self._tendency_unknowns(z, xi)
-        forcing, simulator = self.forcing, self.simulator
-        blocks = simulator.tangents(
-            base,
-            directions,
-            self.times,
-            tendency.forcing(unknowns),
-            tendency.sources(unknowns),
-            forcing.sampled(xi[None, self.slices.forcing]) if forcing else None,
-            forcing.basis if forcing else None,
-            tendency.compiled_weights(simulator, unknowns),
-        )
-        found: list[Tensor] = []
-        for states, tangents in blocks:
-            first = sum(map(len, found))
-            # The fields may be on another device; only their readings are moved.
-            found.append(self._observe(states, tangents, unknowns, first).cpu())
-            deadline.check()
-        columns = torch.cat(found)
-        columns[..., size : len(z)] *= stds.to(columns.dtype)
-        return columns
+    @property
+    def has_large_jacobian(self) -> bool:
+        """Whether the Jacobian is worth the workers of a cluster."""
+        return self.simulator.has_tangents and is_large(self._tangent_columns)
 
     @property
-    def _read_unknowns(self) -> list[int]:
-        """Which unknowns of the parameters and the law the sensors depend on."""
-        read = self.sensors.parameters
-        return read.index(self._tendency.candidates) if read else []
+    def _tangent_columns(self) -> TangentColumns:
+        return TangentColumns(
+            self.simulator, self.start, self._tendency, self.sensors, self.times, self.forcing
+        )
 
-    def _effect(self, states: Tensor, unknowns: Tensor, first: int) -> Tensor:
-        """Return what changes of the parameters add to readings; see :meth:`observe`."""
-        slopes = self._by_parameter(states, first)
-        changes = unknowns[:, None, self._read_unknowns, None].to(slopes)
-        return (slopes @ changes)[..., 0]
-
-    def _by_parameter(self, states: Tensor, first: int) -> Tensor:
-        """Return ``∂H/∂p``, ``(batch, time, sensor, parameter)``; see :meth:`observe`."""
-        candidates, read = self._tendency.candidates, self.sensors.parameters
-        assert read is not None
-        names = [candidates[j].name for j in self._read_unknowns]
-        return read.columns(names, states, self.times[first : first + states.shape[1]])
-
-    def _observe(self, states: Tensor, tangents: Tensor, unknowns: Tensor, first: int) -> Tensor:
-        """Return the derivative ``H'(u) w``, ``(sample, sensor, column)``, with ``∂H/∂p`` added.
-
-        Args:
-            states: u, ``(sample, episode, field, *grid)``.
-            tangents: w, ``(sample, column, episode, field, *grid)``.
-            unknowns: of the parameters and the law, ``(unknown,)``.
-            first: index of the first sample.
-        """
-        largest = tangents.abs().flatten(2).amax(dim=2).clamp(min=1e-300)
-        size = DIFFERENCE * states.abs().flatten(1).amax(dim=1, keepdim=True) / largest
-        states = states[:, None]
-        moved = states + size.reshape(*size.shape, *(1,) * (states.dim() - 2)) * tangents
-        difference = self.sensors.observe(moved) - self.sensors.observe(states)
-        if not (chosen := self._read_unknowns):
-            return (difference / size[..., None]).transpose(1, 2)
-        # The columns are the batch of the observation.
-        moved, states = moved.transpose(0, 1), states.transpose(0, 1)
-        effects = [self._effect(each, unknowns[None], first) for each in (moved, states)]
-        difference = difference + (effects[0] - effects[1]).transpose(0, 1)
-        columns = (difference / size[..., None]).transpose(1, 2).contiguous()
-        [slopes] = self._by_parameter(states, first)
-        columns[..., [self.start.size + j for j in chosen]] += slopes.to(columns.dtype)
-        return columns
+    def _columns(self, z: Tensor, xi: Tensor, deadline: Deadline = NEVER) -> Tensor:
+        """Return the Jacobian from tangent-linear equations."""
+        simulator, size, unknowns = self.simulator, self.start.size, self._tendency_unknowns(z, xi)
+        weights = self._tendency.compiled_weights(simulator, unknowns)
+        point = TangentPoint(z[:size], unknowns, xi[self.slices.forcing], weights)
+        found = compute_columns(self._tangent_columns, point, deadline)
+        found[..., size : len(z)] *= simulator.parameters.stds.to(found.dtype)
+        return found
 
     def _differences(self, z: Tensor, xi: Tensor) -> Tensor:
         """Return the Jacobian by central differences."""

@@ -68,6 +68,20 @@ class ReadParameters:
             whole.append(torch.stack(episodes, dim=-2).flatten(-2))
         return torch.stack(whole, dim=-1)
 
+    def effect(
+        self, candidates: Sequence[Candidate], changes: Tensor, states: Tensor, times: Tensor
+    ) -> Tensor:
+        """Return what changes of parameters add to readings, ``(batch, time, episode·sensor)``.
+
+        Args:
+            candidates: some of those of :meth:`index`.
+            changes: their values, ``(batch, candidate)``.
+            states: ``(batch, time, episode, field, *grid)``.
+            times: ``(time, episode)``.
+        """
+        slopes = self.columns([candidate.name for candidate in candidates], states, times)
+        return (slopes @ changes[:, None, :, None].to(slopes))[..., 0]
+
 
 def read_parameters(sensors: Sequence[Sensor], systems: Sequence[System]) -> ReadParameters | None:
     """Return the parameters that sensors depend on; None if there are none.

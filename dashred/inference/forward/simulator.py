@@ -10,6 +10,7 @@ After the last sample of an episode its time and its state are repeated.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 
 import torch
@@ -26,6 +27,7 @@ from dashred.physics.window import Window
 
 # Number of derivatives in a block: smaller blocks cost more in calls than in arithmetic.
 BLOCK_SIZE = 2**16
+ALL = slice(0, None)
 Samples = Iterator[tuple[Tensor, Tensor]]
 
 
@@ -42,6 +44,7 @@ class Simulator:
         shapes: shapes of the windows in which candidates may act.
         parameters: uncertain parameters, which are candidates of every part.
         has_tangents: whether tangent-linear equations exist for all episodes.
+        has_chunks: whether some columns can be had without the others, in all episodes.
     """
 
     def __init__(
@@ -51,6 +54,12 @@ class Simulator:
         self.parameters = parameters
         self.system, self.tangent, self.shapes = first.system, first.tangent, first.shapes
         self.has_tangents = all(part.has_tangents for part in parts)
+        self.has_chunks = all(part.has_chunks for part in parts)
+
+    @property
+    def values(self) -> int:
+        """Number of values of the state of an episode."""
+        return len(self.system.fields) * math.prod(self.system.grid.shape)
 
     def has_compiled(self, candidates: Sequence[Candidate]) -> bool:
         """Return whether compiled code integrates trajectories with these candidates."""
@@ -114,6 +123,7 @@ class Simulator:
         sampled_forcing: SampledForcing | None,
         forcing_basis: ForcingBasis | None,
         weights: Tensor | None,
+        chosen: slice = ALL,
     ) -> Samples:
         """Yield states and their derivatives in blocks of samples.
 
@@ -132,14 +142,19 @@ class Simulator:
                 amplitudes.
             weights: weights of the law, ``(1, weight)``, for a compiled trajectory; None for one
                 that is not compiled.
+            chosen: the columns that are wanted; all of them without :attr:`has_chunks`.
         """
         moving = directions.flatten(2).any(dim=2)
+        others = len(sources) + (forcing_basis.count if forcing_basis else 0)
         shared = forcing, sources, sampled_forcing, forcing_basis, weights
         each = []
         for e, part in enumerate(self.parts):
             own, moved = without_padding(times[:, e]), moving[:, e]
-            samples = part.tangents(start[e], directions[moved, e], own, *shared)
-            each.append(_blocks(_pad_samples(samples, len(times) - len(own)), moved))
+            integrated = torch.cat([moved, moved.new_ones(others)])
+            wanted, before = integrated[chosen], int(integrated[: chosen.start].sum())
+            columns = range(before, before + int(wanted.sum()))
+            samples = part.tangents(start[e], directions[moved, e], own, *shared, columns)
+            each.append(_blocks(_pad_samples(samples, len(times) - len(own)), wanted))
         for blocks in zip(*each, strict=True):
             states, columns = zip(*blocks, strict=True)
             yield torch.stack(states, dim=1), torch.stack(columns, dim=2)
@@ -164,31 +179,29 @@ def _pad_samples(samples: Samples, further: int) -> Samples:
         yield state, torch.zeros_like(columns)
 
 
-def _blocks(samples: Samples, moved: Tensor) -> Samples:
+def _blocks(samples: Samples, integrated: Tensor) -> Samples:
     """Yield samples in blocks, with zero columns for directions that were not integrated.
 
     Args:
-        samples: states and columns: the integrated directions, then all other columns.
-        moved: whether a direction was integrated, ``(direction,)``.
+        samples: states and the integrated columns.
+        integrated: whether each column was integrated, ``(column,)``.
     """
     states: list[Tensor] = []
     tangents: list[Tensor] = []
-    still = int((~moved).sum())
     for state, columns in samples:
         states.append(state)
         tangents.append(columns.double())
         # All episodes have blocks of the same length, whatever directions are integrated there.
-        if len(states) * (len(columns) + still) * state.numel() >= BLOCK_SIZE:
-            yield torch.stack(states), _with_zero_columns(torch.stack(tangents), moved)
+        if len(states) * len(integrated) * state.numel() >= BLOCK_SIZE:
+            yield torch.stack(states), _with_zero_columns(torch.stack(tangents), integrated)
             states, tangents = [], []
     if states:
-        yield torch.stack(states), _with_zero_columns(torch.stack(tangents), moved)
+        yield torch.stack(states), _with_zero_columns(torch.stack(tangents), integrated)
 
 
-def _with_zero_columns(columns: Tensor, moved: Tensor) -> Tensor:
-    if bool(moved.all()):
+def _with_zero_columns(columns: Tensor, integrated: Tensor) -> Tensor:
+    if bool(integrated.all()):
         return columns
-    is_given = torch.cat([moved, moved.new_ones(columns.shape[1] - int(moved.sum()))])
-    whole = columns.new_zeros((len(columns), len(is_given), *columns.shape[2:]))
-    whole[:, is_given] = columns
+    whole = columns.new_zeros((len(columns), len(integrated), *columns.shape[2:]))
+    whole[:, integrated] = columns
     return whole

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import torch
 from torch import Tensor
 
 from dashred.core.budget import OutOfTimeError
 from dashred.inference.fit.fitted_law import build_law
+from dashred.inference.fit.independent_fits import Fit, fit_all
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.levenberg_marquardt import (
@@ -116,19 +117,23 @@ def refine(fit: HypothesisFit) -> HypothesisFit:
 
 def _refine(fit: HypothesisFit) -> HypothesisFit:
     objective, total = fit.objective, len(fit.objective.recorded)
-    from_growing_horizons = [
-        minimise_growing_horizon(objective, fit.phi, round(share * total))
-        for share in HORIZON_SHARES
-    ]
+    from_growing_horizons = fit_all(
+        [
+            Fit(
+                objective,
+                partial(minimise_growing_horizon, phi=fit.phi, samples=round(share * total)),
+            )
+            for share in HORIZON_SHARES
+        ]
+    )
     noisier_problems = [
         replace(objective, noise=objective.noise.scaled(factor)) for factor in NOISE_FACTORS
     ]
-    from_larger_noise = [
-        minimise(noisier, fit.phi, REFINE_STEPS, REFINE_TOLERANCE).phi
-        for noisier in noisier_problems
-    ]
-    lowest = minimise(objective, fit.phi, REFINE_STEPS, REFINE_TOLERANCE)
-    for phi in (*from_growing_horizons, *from_larger_noise):
+    run = partial(minimise, phi=fit.phi, steps=REFINE_STEPS, tolerance=REFINE_TOLERANCE)
+    *from_larger_noise, lowest = fit_all(
+        [Fit(problem, run) for problem in (*noisier_problems, objective)]
+    )
+    for phi in (*from_growing_horizons, *(fitted.phi for fitted in from_larger_noise)):
         if not _leads_to(objective, phi, lowest):
             fitted = minimise(objective, phi, REFINE_STEPS, REFINE_TOLERANCE)
             lowest = min(lowest, fitted, key=lambda each: each.cost)

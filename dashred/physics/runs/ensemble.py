@@ -11,11 +11,12 @@ import torch
 from torch import Tensor
 
 from dashred.core.errors import InputError
+from dashred.physics.runs.members import simulate_members
 from dashred.physics.runs.rounds import draw_until_enough
 from dashred.physics.runs.stored_states import States
 from dashred.physics.runs.tendency_size import tendency_size
 from dashred.physics.solvers.forcing import Forcing
-from dashred.physics.solvers.simulate import Progress, simulate
+from dashred.physics.solvers.simulate import Progress
 from dashred.physics.system import System, Term
 from dashred.physics.terms.column_blocks import rms_of_columns
 from dashred.physics.terms.library import resolve
@@ -183,7 +184,7 @@ def draw_round(
     starts = prior.draw(members, rng)
     low, high = bounds(nominal, starts)
     forcing = draw_forcing(system, nominal, discrepancies, members, rng, times)
-    found = simulate(system, starts, times, forcing, progress, repeats=rounds_left)
+    found = simulate_members(system, starts, times, forcing, progress, rounds_left)
     return found, forcing.coefficients, stays_inside(found, low, high)
 
 

@@ -127,7 +127,12 @@ def is_compilation_worthwhile(system: System, start: Tensor, span: float, terms:
         return steps > ODE_STEPS
     if len(start) <= FEW and terms <= FEW:
         return steps > MANY_STEPS and start.numel() * steps > WORK_PER_SECOND / 8
-    return start.numel() * steps > WORK_PER_SECOND * (SECONDS + SECONDS_PER_TERM * terms)
+    return start.numel() * steps > compilation_work(terms)
+
+
+def compilation_work(terms: int) -> float:
+    """Return how many steps of a value take as long as a compilation with so many terms."""
+    return WORK_PER_SECOND * (SECONDS + SECONDS_PER_TERM * terms)
 
 
 def check_finite(trajectories: Tensor, times: Tensor, system: System) -> None:

@@ -46,7 +46,7 @@ class CompiledTrajectory:
         rates = np.empty_like(stages)
         # A state that is transformed to modes was transformed to the grid before.
         turns = 2 * int(arrays.begins.sum()) + int(arrays.ends.sum())
-        made = STAGES * len(steps) * self._batch.transforms + turns * fields
+        made = STAGES * len(steps) * self._batch.transforms(ALL) + turns * fields
         count_transforms(made, states.shape[2])
         with warnings.catch_warnings():
             # Numba warns that first-class functions are an experimental feature.

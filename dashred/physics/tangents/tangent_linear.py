@@ -82,6 +82,7 @@ def tangent_linear(
     sampled_forcing: SampledForcing | None = None,
     forcing_basis: ForcingBasis | None = None,
     reference: ReferenceTrajectory | None = None,
+    chosen: range | None = None,
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Yield state and tangents at each output time, including the first.
 
@@ -98,6 +99,8 @@ def tangent_linear(
         forcing_basis: basis of a free forcing; one column ``∂u(t)/∂a`` for each coefficient a.
         reference: integrates the reference trajectory of these equations and forcings; by default
             without compilation.
+        chosen: the columns that are wanted; by default all. Every column is integrated together
+            with the same others, whichever are wanted, so that its bits do not depend on that.
 
     Yields:
         The state ``(field, *grid)``, float64, and the tangents ``(column, field, *grid)``:
@@ -108,15 +111,19 @@ def tangent_linear(
     """
     basis_count = 0 if forcing_basis is None else forcing_basis.count
     count = len(directions) + len(sources) + basis_count
+    chosen = range(count) if chosen is None else chosen
     tangents = torch.zeros((count, *start.shape), dtype=dtype, device=start.device)
     tangents[: len(directions)] = directions
-    yield start, tangents
+    yield start, tangents[chosen.start : chosen.stop]
     tendency = SemilinearTendency(system, forcing, sampled_forcing)
     source_terms = Sources(system, sources, len(directions), forcing_basis)
     reference = reference or InterpretedTrajectory(tendency)
     model = _LinearisedSystem(tendency, source_terms, dtype)
-    size = max(1, COLUMN_POINTS // start.numel())
-    chunks = [range(i, min(i + size, count)) for i in range(0, count, size)]
+    size = columns_together(start.numel())
+    every = [range(i, min(i + size, count)) for i in range(0, count, size)]
+    chunks = [c for c in every if c.start < chosen.stop and chosen.start < c.stop]
+    first, last = (chunks[0].start, chunks[-1].stop) if chunks else (chosen.start, chosen.start)
+    inside = slice(chosen.start - first, chosen.stop - first)
     modes = in_modes(start.cpu().numpy()[:, None], tendency)
     by_field = tangents.cpu().numpy().swapaxes(0, 1)
     columns = [model.columns.in_modes(by_field[:, c.start : c.stop]) for c in chunks]
@@ -126,14 +133,19 @@ def tangent_linear(
         with np.errstate(all="ignore"):
             modes, states, stages = reference.advance(steps, modes)
             block = model.evaluate(steps, stages)
-        result = torch.zeros((len(states), *tangents.shape), dtype=dtype)
+        result = torch.zeros((len(states), last - first, *start.shape), dtype=dtype)
         advance_chunk = partial(
             _advance_chunk, model.columns, steps, chunks, block, columns, result
         )
         for _ in in_threads(advance_chunk, len(chunks)):
             pass
         for state, out in zip(states, result, strict=True):
-            yield torch.from_numpy(state[:, 0]).to(start.device), out.to(start.device)
+            yield torch.from_numpy(state[:, 0]).to(start.device), out[inside].to(start.device)
+
+
+def columns_together(values: int) -> int:
+    """Return how many columns are integrated together, for the number of values of a state."""
+    return max(1, COLUMN_POINTS // values)
 
 
 def _advance_chunk(
@@ -149,8 +161,9 @@ def _advance_chunk(
     chunk = chunks[index]
     with np.errstate(all="ignore"):
         columns[index], outputs = integrator.advance(steps, columns[index], chunk, block)
+    first = chunks[0].start
     for out, points in zip(result, outputs, strict=True):
-        out[chunk.start : chunk.stop] = torch.from_numpy(points).transpose(0, 1)
+        out[chunk.start - first : chunk.stop - first] = torch.from_numpy(points).transpose(0, 1)
 
 
 class _LinearisedSystem:

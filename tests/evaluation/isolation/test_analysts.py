@@ -8,15 +8,11 @@ from collections.abc import Iterator
 
 import pytest
 
+from dashred.core.cluster.calls import NotAnsweredError
 from dashred.core.cluster.word import Cluster
 from dashred.evaluation.isolation import analysts as module
 from dashred.evaluation.isolation.analysis import FOUND, GIVEN, Analysis, analyse
-from dashred.evaluation.isolation.analysts import (
-    Analysts,
-    LocalAnalysts,
-    NotAnsweredError,
-    open_analysts,
-)
+from dashred.evaluation.isolation.analysts import Analysts, LocalAnalysts, open_analysts
 from dashred.evaluation.side_by_side import run_all
 from tests.evaluation.isolation.dying import die_always, die_once
 
@@ -48,7 +44,7 @@ def test_a_worker_that_dies_is_made_up_for(on_cluster, tmp_path, monkeypatch) ->
 def test_a_case_that_kills_its_workers_has_no_answer(on_cluster, monkeypatch) -> None:
     monkeypatch.setattr(module, "analyse", die_always)
     answer = on_cluster.analyse(Analysis({}, (), 90))
-    assert answer.lost and answer.problem is not None and "workers died" in answer.problem
+    assert answer.lost and answer.problem is not None and "ends its worker" in answer.problem
 
 
 def test_an_analysis_beyond_its_limit_is_ended() -> None:

@@ -8,7 +8,7 @@ import torch
 
 from dashred.core.budget import OutOfTimeError
 from dashred.core.errors import InputError
-from dashred.physics.runs import ensemble
+from dashred.physics.runs import members
 from dashred.physics.runs.ensemble import Discrepancies, draw_ensemble, term_scales
 from dashred.physics.runs.initial_state_prior import StartPrior, nominal_start
 from dashred.physics.solvers.forcing import Forcing
@@ -118,7 +118,7 @@ def test_members_that_are_lost_are_replaced_by_compiled_runs(make_system, monkey
         repeats.append(options["repeats"])
         return simulate(*args, **options)
 
-    monkeypatch.setattr(ensemble, "simulate", spy)
+    monkeypatch.setattr(members, "simulate", spy)
     rng = np.random.default_rng(5)
     draw_ensemble(system, TIMES, prior, nominal, 64, None, rng)
     assert repeats[0] == 1 and all(count > 1 for count in repeats[1:]) and len(repeats) > 1

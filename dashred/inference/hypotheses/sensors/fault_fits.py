@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial, reduce
 
 import torch
 from torch import Tensor
 
 from dashred.inference.fit.fitted_law import build_law
+from dashred.inference.fit.independent_fits import Fit, fit_all
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from dashred.inference.hypotheses.hypothesis_fit import (
@@ -83,7 +86,7 @@ def fit_sensor_hypotheses(fit: HypothesisFit, bound: float) -> list[HypothesisFi
         for rank, found in enumerate(predicted[:MAX_FITS])
         if found.score < min(limit, bound) or (not rank and found.cost < dragged)
     ]
-    fits = sorted((fit_faults(objective, found, phi) for found in chosen), key=_score)
+    fits = sorted(fit_fault_sets(objective, chosen, phi), key=_score)
     fits[:MAX_REFITS] = [_refit_if_poor(each, fit.law.chi2, bound) for each in fits[:MAX_REFITS]]
     fits += _search_again(objective, fits, bound)
     return [_hypothesis(each, penalty) for each in fits]
@@ -140,18 +143,31 @@ def _search_again(
 
 
 def fit_faults(objective: LeastSquaresProblem, found: FaultSet, phi: Tensor) -> FittedFaults:
-    """Fit initial state, law and faults together.
+    """Fit initial state, law and faults together; see :func:`fit_fault_sets`."""
+    [fitted] = fit_fault_sets(objective, [found], phi)
+    return fitted
+
+
+def fit_fault_sets(
+    objective: LeastSquaresProblem, sets: Sequence[FaultSet], phi: Tensor
+) -> list[FittedFaults]:
+    """Fit initial state, law and faults together, for several sets of faults.
 
     Args:
         objective: F of the law.
-        found: the faults, with the parameters at which the fit begins.
-        phi: initial state and law at which it begins, ``(unknown,)``.
+        sets: the faults, with the parameters at which the fits begin.
+        phi: initial state and law at which they begin, ``(unknown,)``.
+
+    Raises:
+        OutOfTimeError: the deadline of F is over.
     """
-    problem = objective
-    for fault in found.faults:
-        problem = _with_fault(problem, fault)
-    fitted = minimise(problem, torch.cat([phi, *found.parameters]), STEPS, TOLERANCE)
-    return FittedFaults(found, problem, fitted)
+    problems = [reduce(_with_fault, found.faults, objective) for found in sets]
+    begins = [torch.cat([phi, *found.parameters]) for found in sets]
+    fits = [
+        Fit(problem, partial(minimise, phi=begin, steps=STEPS, tolerance=TOLERANCE))
+        for problem, begin in zip(problems, begins, strict=True)
+    ]
+    return [*map(FittedFaults, sets, problems, fit_all(fits))]
 
 
 def _with_fault(objective: LeastSquaresProblem, fault: Fault) -> LeastSquaresProblem:

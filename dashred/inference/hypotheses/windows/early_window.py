@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dashred.core.budget import OutOfTimeError
 from dashred.core.progress import Report
 from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
@@ -54,9 +55,14 @@ def find_early_window(
     local = [each for each in ranked if each.hypothesis.guess is not None]
     z = forced.phi[: objective.modes]
     chosen = select_diverse(local, OF_LAW, TRIALS)
-    trials = sorted((fit_screened(first, each, z) for each in chosen), key=lambda t: t.score)
-    fits = [(trial.hypothesis, fit_until_convergence(trial)) for trial in trials[:FINALISTS]]
-    hypothesis, fit = min(fits, key=lambda pair: pair[1].law.score)
+    trials = sorted(fit_screened(first, chosen, z), key=lambda trial: trial.score)[:FINALISTS]
+    fits = fit_until_convergence(trials)
+    if len(fits) < min(FINALISTS, len(chosen)):
+        raise OutOfTimeError
+    pairs = zip(trials, fits, strict=True)
+    hypothesis, fit = min(
+        ((trial.hypothesis, fit) for trial, fit in pairs), key=lambda pair: pair[1].law.score
+    )
     report(part.samples / len(objective.recorded), f"{fit.law}, χ²/n {fit.law.chi2:.2f}")
     if not follows(first, fit.law.chi2 * first.noise.count):
         return None

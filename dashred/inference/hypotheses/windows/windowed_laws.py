@@ -16,8 +16,15 @@ from torch import Tensor
 
 from dashred.core.budget import in_time
 from dashred.inference.fit.fitted_law import build_law
+from dashred.inference.fit.independent_fits import Fit, fit_in_time
+from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import minimise_growing_horizon, minimise_in_rounds
+from dashred.inference.fit.levenberg_marquardt import (
+    FitResult,
+    minimise,
+    minimise_growing_horizon,
+    minimise_in_rounds,
+)
 from dashred.inference.hypotheses.free_forcing import FreeForcing
 from dashred.inference.hypotheses.hypothesis_fit import (
     REJECTION_MARGIN,
@@ -80,7 +87,7 @@ def fit_windowed_laws(
     best = min((trial.score for trial in trials), default=null_score)
     bound = min(best + REJECTION_MARGIN, null_score)
     finalists = [trial for trial in _select_finalists(trials) if trial.score < bound]
-    fits = in_time(fit_until_convergence, finalists)
+    fits = fit_until_convergence(finalists)
     pairs = [(trial.hypothesis, fit) for trial, fit in zip(finalists, fits, strict=False)]
     if pairs:
         fits += _fit_terms_alone(objective, *min(pairs, key=lambda pair: by_score(pair[1])))
@@ -110,15 +117,15 @@ def _fit_terms_alone(
         return []
     z, xi = objective.split(pair.phi)
 
-    def fit_alone(term: tuple[int, float]) -> HypothesisFit:
+    def fit_alone(term: tuple[int, float]) -> HypothesisTrial:
         j, coefficient = term
         part = Hypothesis((j,))
         begin = first_unknowns(z, [coefficient], None)
         penalty = penalty_of(objective, part)
-        trial = fit_trial(objective, part, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
-        return fit_until_convergence(trial)
+        return fit_trial(objective, part, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
 
-    return in_time(fit_alone, zip(hypothesis.global_terms, xi.tolist(), strict=False))
+    terms = zip(hypothesis.global_terms, xi.tolist(), strict=False)
+    return fit_until_convergence(in_time(fit_alone, terms))
 
 
 def select_diverse(
@@ -154,14 +161,14 @@ def _fit_trials(
         return trial.score > predicted_score(objective, screened) + objective.noise.count
 
     first, rest = chosen[:PROBES], chosen[PROBES:]
-    trials = in_time(partial(fit_screened, objective, z=z), first)
+    trials = fit_screened(objective, first, z)
     regrown = [each for each, trial in zip(first, trials, strict=False) if is_lost(each, trial)]
     if len(regrown) < len(first):
-        trials += in_time(partial(fit_screened, objective, z=z), rest)
+        trials += fit_screened(objective, rest, z)
     else:
         regrown = select_diverse(chosen, 1, MAX_REGROWN)
     samples = round(len(objective.recorded) * FIRST_SHARE)
-    return trials + in_time(partial(fit_screened, objective, z=z, samples=samples), regrown)
+    return trials + fit_screened(objective, regrown, z, samples)
 
 
 def predicted_score(objective: LeastSquaresProblem, screened: ScreenedHypothesis) -> float:
@@ -178,31 +185,55 @@ def penalty_of(objective: LeastSquaresProblem, hypothesis: Hypothesis) -> float:
 
 def fit_screened(
     objective: LeastSquaresProblem,
-    screened: ScreenedHypothesis,
+    chosen: Sequence[ScreenedHypothesis],
     z: Tensor,
     samples: int | None = None,
-) -> HypothesisTrial:
-    """Fit a hypothesis for a few steps, from its minimum on the linearised problem.
+) -> list[HypothesisTrial]:
+    """Fit hypotheses for a few steps, from their minima on the linearised problem.
 
     Args:
         objective: F of all candidates.
-        screened: the hypothesis.
-        z: unknowns of the start at which the fit begins.
+        chosen: the hypotheses.
+        z: unknowns of the start at which the fits begin.
         samples: first samples of a growing horizon; None fits all samples at once.
+
+    Returns:
+        The trials in order, as far as the time allows.
     """
-    hypothesis = screened.hypothesis
-    begin = first_unknowns(z, screened.coefficients, hypothesis.guess)
-    if samples is not None:
-        begin = minimise_growing_horizon(
-            build_problem(objective, hypothesis), begin, samples, GROWTH
+    problems = [build_problem(objective, each.hypothesis) for each in chosen]
+    fits = []
+    for each, problem in zip(chosen, problems, strict=True):
+        begin = first_unknowns(z, each.coefficients, each.hypothesis.guess)
+        fits.append(Fit(problem, partial(_fit_briefly, phi=begin, samples=samples)))
+    return [
+        HypothesisTrial(
+            each.hypothesis, problem, fitted, fitted.cost + penalty_of(objective, each.hypothesis)
         )
-    penalty = penalty_of(objective, hypothesis)
-    return fit_trial(objective, hypothesis, begin, FIRST_STEPS, FIRST_TOLERANCE, penalty)
+        for each, problem, fitted in zip(chosen, problems, fit_in_time(fits), strict=False)
+    ]
 
 
-def fit_until_convergence(trial: HypothesisTrial) -> HypothesisFit:
-    """Return a trial fitted until convergence."""
-    problem, before = trial.objective, trial.fitted
-    fitted = minimise_in_rounds(problem, before.phi, LAST_STEPS, LAST_TOLERANCE, AMBIGUITY_MARGIN)
-    score = trial.score - before.cost + fitted.cost
-    return HypothesisFit(build_law(problem, fitted, score), problem, fitted.phi)
+def _fit_briefly(problem: LeastSquaresProblem, phi: Tensor, samples: int | None) -> FitResult:
+    if samples is not None:
+        phi = minimise_growing_horizon(problem, phi, samples, GROWTH)
+    return minimise(problem, phi, FIRST_STEPS, FIRST_TOLERANCE)
+
+
+def fit_until_convergence(trials: Sequence[HypothesisTrial]) -> list[HypothesisFit]:
+    """Return trials fitted until convergence, in order, as far as the time allows."""
+    fits = [
+        Fit(
+            trial.objective,
+            partial(_converge, phi=trial.fitted.phi, penalty=trial.score - trial.fitted.cost),
+        )
+        for trial in trials
+    ]
+    return [
+        HypothesisFit(law, trial.objective, phi)
+        for trial, (law, phi) in zip(trials, fit_in_time(fits), strict=False)
+    ]
+
+
+def _converge(problem: LeastSquaresProblem, phi: Tensor, penalty: float) -> tuple[Law, Tensor]:
+    fitted = minimise_in_rounds(problem, phi, LAST_STEPS, LAST_TOLERANCE, AMBIGUITY_MARGIN)
+    return build_law(problem, fitted, penalty + fitted.cost), fitted.phi

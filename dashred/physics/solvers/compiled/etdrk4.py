@@ -25,6 +25,7 @@ from dashred.physics.system import System, Term
 from dashred.physics.window import Shape
 
 Progress = Callable[[float], None]
+ALL = slice(0, None)
 
 
 class CompiledETDRK4:
@@ -62,32 +63,36 @@ class CompiledETDRK4:
         weights: Tensor,
         sampled_forcing: SampledForcing | None = None,
         progress: Progress | None = None,
+        rows: slice = ALL,
     ) -> Tensor:
-        """Return trajectories ``(batch, time, field, *grid)``.
+        """Return trajectories ``(row, time, field, *grid)``.
 
         Args:
-            start: ``(batch, field, *grid)`` at ``times[0]``.
+            start: ``(row, field, *grid)`` at ``times[0]``.
             times: output times, ``(time,)``.
             weights: coefficients of the terms, ``(batch, column)``, in the order of
                 :class:`dashred.physics.solvers.batch_coefficients.CoefficientLayout`.
-            sampled_forcing: free forcing of each trajectory.
+            sampled_forcing: free forcing of each trajectory of the batch.
             progress: called with the fraction done.
+            rows: the trajectories of the batch that are wanted; their bits do not depend on that.
         """
         batch = self.tendency.batch(weights.numpy(), sampled_forcing)
         steps = StepArrays.of(list(schedule(times.tolist(), self.system.dt, self.system.jumps)))
-        factors = self._factors(batch.linear, steps.lengths.tolist())
+        factors, arrays = self._factors(batch.linear, steps.lengths.tolist()), batch.of_rows(rows)
+        if factors.shape[2] > 1:
+            factors = np.ascontiguousarray(factors[:, :, rows])
         fields, shape = start.shape[1], self.system.grid.shape
         states = np.full((len(start), len(times), fields, math.prod(shape)), np.nan)
         states[:, 0] = start.numpy().reshape(len(start), fields, -1)
         axes = tuple(range(1, len(shape) + 1))
-        made = STAGES * len(steps.h) * batch.transforms + steps.turns * len(start) * fields
+        made = STAGES * len(steps.h) * batch.transforms(rows) + steps.turns * len(start) * fields
         count_transforms(made, math.prod(shape))
 
         def run(row: int) -> None:
             integrate_row(
                 self.tendency.kernel,
                 row,
-                batch.arrays,
+                arrays,
                 steps,
                 factors,
                 shape,

@@ -154,12 +154,22 @@ class BatchTendency:
             sampled_forcing=_forcing_modes(sampled_forcing, modes),
         )
 
-    @property
-    def transforms(self) -> int:
-        """Fourier transforms of one field, for N of every row once."""
-        fields = self.linear.shape[1] * len(self.arrays.weights)
-        arrays = self.arrays
+    def transforms(self, rows: slice) -> int:
+        """Return the number of Fourier transforms of one field, for N of some rows once."""
+        arrays = self.of_rows(rows)
+        fields = self.linear.shape[1] * len(arrays.weights)
         return fields + int(arrays.input_active.sum()) + int(arrays.channel_active.sum())
+
+    def of_rows(self, rows: slice) -> TendencyArrays:
+        """Return N of some rows."""
+        whole = self.arrays
+        return whole._replace(
+            input_active=whole.input_active[rows],
+            channel_active=whole.channel_active[rows],
+            coupling_strength=whole.coupling_strength[rows],
+            weights=whole.weights[rows],
+            sampled_forcing=whole.sampled_forcing[rows],
+        )
 
 
 def _forcing_modes(sampled_forcing: SampledForcing | None, modes: int) -> Modes:

@@ -1,0 +1,1 @@
+"""Columns of Jacobians, on this machine or on a cluster."""
