@@ -13,7 +13,7 @@ from torch import Tensor
 from dashred.core.work import count_transforms
 from dashred.physics.backends.numpy_backend import Array
 from dashred.physics.forcing_basis import SampledForcing
-from dashred.physics.solvers.compiled.etdrk4 import CompiledETDRK4, etdrk4_factors
+from dashred.physics.solvers.compiled.etdrk4 import ALL, CompiledETDRK4, etdrk4_factors
 from dashred.physics.solvers.compiled.step import STAGES, StepArrays, integrate_stages
 from dashred.physics.solvers.schedule import Step
 from dashred.physics.tangents.reference_trajectory import Stages, stage_times

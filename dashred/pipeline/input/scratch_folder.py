@@ -9,7 +9,7 @@ from pathlib import Path
 from dashred.config import Config, config_sha256
 from dashred.core.files.scratch import Scratch
 from dashred.core.files.state_dir import state_path
-from dashred.core.files.user_path import is_server
+from dashred.core.mlflow.store_address import is_server
 from dashred.pipeline.run.run_manifest import manifest_of
 
 # Folder in the output folder, or in the MLflow store.
