@@ -52,7 +52,7 @@ class Packages:
         for known, package in list(self._known):
             if known is thing:
                 return package
-        from distributed.protocol import serialize_bytes
+        from distributed.protocol.serialize import serialize_bytes
 
         content = serialize_bytes(thing)
         package = Package(hashlib.sha256(content).hexdigest(), content)
@@ -92,7 +92,7 @@ def call_with_kept(
 
 def _find(name: str, contents: Mapping[str, bytes]) -> object | None:
     """Return an object that is kept or sent, and keep it longer than those used before."""
-    from distributed.protocol import deserialize_bytes
+    from distributed.protocol.serialize import deserialize_bytes
 
     thing = _kept.pop(name, None)
     if thing is None and name in contents:

@@ -97,9 +97,9 @@ def scheduler() -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
         "distributed.cli.dask_scheduler": ["--host", "127.0.0.1", "--port", port, "--no-dashboard"],
         "distributed.cli.dask_worker": [address, "--nthreads", "1", "--no-dashboard"],
     }
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    null = subprocess.DEVNULL
     begun = [
-        subprocess.Popen([sys.executable, "-m", module, *own], **quiet)
+        subprocess.Popen([sys.executable, "-m", module, *own], stdout=null, stderr=null)
         for module, own in words.items()
     ]
     try:
