@@ -18,7 +18,8 @@ Array = NDArray[np.float64]
 
 # Radii that are tried, as shares of the shortest axis.
 RADII = (0.25, 0.125, 0.0625)
-ADDITIVE, INFLATION = (1e-4, 1e-3, 1e-2), (1.0, 1.01, 1.05)
+# Without a random part and inflation, the filter would no longer listen after a long time.
+ADDITIVE, INFLATION = (1e-3, 1e-2), (1.005, 1.02, 1.05)
 # The settings are chosen with so many samples at most, and the statistics are those of so many.
 TRIED, MEASURED = 200, 2000
 # Share of the samples, and their largest number, in which the filter finds the state.

@@ -29,8 +29,8 @@ from dashred.inference.initial_state.ensemble_filter import (
     FilterLostError,
     bounded_members,
 )
-from dashred.inference.streaming.serial_analysis import analyse
-from dashred.physics.solvers.compiled_simulator import CompiledSystem, compile_system
+from dashred.inference.streaming.march import March, points_of
+from dashred.inference.streaming.serial_analysis import analyse, inflate
 from dashred.physics.system import System
 
 Array = NDArray[np.float64]
@@ -53,7 +53,7 @@ class LiveSettings:
     """
 
     radius: float = math.inf
-    inflation: float = 1.01
+    inflation: float = 1.005
     additive: float = 1e-3
 
 
@@ -83,7 +83,8 @@ class LiveFilter:
 
     Attributes:
         time: of the last sample.
-        members: states of the members, ``(member, field*grid)``.
+        members: states of the members, ``(member, field*point)``, at the points of the axes without
+            mirror images.
     """
 
     def __init__(
@@ -96,7 +97,6 @@ class LiveFilter:
         members: int,
         settings: LiveSettings,
         seed: int,
-        run: CompiledSystem | None = None,
     ) -> None:
         """Draw the first members from the climate.
 
@@ -105,23 +105,21 @@ class LiveFilter:
             sensors: sensors that are assimilated.
             places: further quantities that are estimated.
             noise: σ of each sensor.
-            climate: states that the system may be in, ``(state, field*grid)``.
+            climate: states that the system may be in, ``(state, field*point)``.
             members: number of members.
             settings: localisation and inflation.
             seed: of the random numbers.
-            run: the compiled system, if there is one already.
         """
         self.system, self.settings = system, settings
         self.sensors, self.places = tuple(sensors), tuple(places)
-        self.run = compile_system(system, ()) if run is None else run
+        self.march = March(system)
         self._noise, self._climate, self._count = noise, climate, members
         self._mean, self._range = climate.mean(axis=0), np.ptp(climate, axis=0).max()
         quantities = (*self.sensors, *self.places)
         self._operator = ObservationOperator(quantities, system)
         self._matrix = _matrix(self._operator, system)
         self._tapers = _tapers(system, self.sensors, quantities, settings.radius)
-        self._weights = torch.zeros((members, 0), dtype=torch.float64)
-        self._is_clocked = system.reads_time()
+        self._shape = points_of(system)
         self._rng = np.random.default_rng(seed)
         self.time = math.nan
         self.members = np.empty(0)
@@ -163,9 +161,9 @@ class LiveFilter:
             FilterLostError: more than half of the members blow up.
         """
         if not math.isnan(self.time):
-            self.members = self._forecast(self.members, time - span, span, self._weights)
+            self.members = self.march(self.members, time - span, span)
             self._replace_lost(time)
-            self._inflate()
+            inflate(self.members, self.settings.inflation, self._random_part())
         self.time = time
         quantities = self.quantities(self.members, time)
         joint = np.concatenate([quantities, self.members], axis=1)
@@ -176,10 +174,10 @@ class LiveFilter:
         return Analysed(known.mean(axis=0), known.std(axis=0, ddof=1), *found)
 
     def quantities(self, states: Array, time: float) -> Array:
-        """Return the quantities of states ``(state, field*grid)``: ``(state, quantity)``."""
+        """Return the quantities of states ``(state, field*point)``: ``(state, quantity)``."""
         if self._matrix is not None:
             return states @ self._matrix
-        return self._operator(self._shaped(states), time).numpy()
+        return self._operator(self.march.on_grid(states), time).numpy()
 
     def ahead(self, span: float) -> Array:
         """Return the quantities that are expected after a time, ``(quantity,)``.
@@ -187,38 +185,22 @@ class LiveFilter:
         They are those of the run of the simulator from the mean of the members.
         """
         mean = self.members.mean(axis=0, keepdims=True)
-        later = self._forecast(mean, self.time, span, self._weights[:1])
+        later = self.march(mean, self.time, span)
         return self.quantities(later, self.time + span)[0]
 
     @property
     def mean(self) -> Array:
-        """Mean state of the members, ``(field, *grid)``."""
-        return self._shaped(self.members.mean(axis=0, keepdims=True))[0].numpy()
+        """Mean state of the members at the points of the axes, ``(field, *point)``."""
+        return self.members.mean(axis=0).reshape(len(self.system.fields), *self._shape)
 
-    def _shaped(self, states: Array) -> torch.Tensor:
-        shape = (len(states), len(self.system.fields), *self.system.grid.shape)
-        return torch.from_numpy(states).reshape(shape)
-
-    def _forecast(self, states: Array, begin: float, span: float, weights: torch.Tensor) -> Array:
-        # Without a clock all steps are the same, and so are the coefficients of the integrator.
-        start = begin if self._is_clocked else 0.0
-        times = torch.tensor([start, start + span], dtype=torch.float64)
-        path = self.run(self._shaped(states), times, weights)[:, -1]
-        return path.reshape(len(states), -1).numpy()
-
-    def _inflate(self) -> None:
-        mean = self.members.mean(axis=0)
-        anomalies = self.members - mean
-        anomalies *= self.settings.inflation
-        if self.settings.additive:
-            anomalies += self.settings.additive / math.sqrt(2) * self._differences()
-        self.members = mean + anomalies
+    def _random_part(self) -> Array:
+        """Return the random part that each member gets, ``(member, field*point)``."""
+        return self.settings.additive / math.sqrt(2) * self._differences()
 
     def _differences(self) -> Array:
-        """Return differences of random states of the climate, centred, ``(member, field*grid)``."""
+        """Return differences of random states of the climate, ``(member, field*point)``."""
         pairs = self._rng.integers(len(self._climate), size=(2, self._count))
-        apart = self._climate[pairs[0]] - self._climate[pairs[1]]
-        return apart - apart.mean(axis=0)
+        return self._climate[pairs[0]] - self._climate[pairs[1]]
 
     def _replace_lost(self, time: float) -> None:
         """Put copies of other members in place of those that blow up."""
@@ -236,26 +218,25 @@ class LiveFilter:
 
 
 def _matrix(operator: ObservationOperator, system: System) -> Array | None:
-    """Return H as a matrix ``(field*grid, quantity)``; None if it is not linear."""
+    """Return H as a matrix ``(field*point, quantity)``; None if it is not linear."""
     if any(sensor.reads not in system.fields for sensor in operator.sensors):
         return None
-    size = len(system.fields) * math.prod(system.grid.shape)
-    units = torch.eye(size, dtype=torch.float64)
-    return operator(units.reshape(size, len(system.fields), *system.grid.shape)).numpy()
+    shape = (len(system.fields), *points_of(system))
+    units = torch.eye(math.prod(shape), dtype=torch.float64)
+    return operator(system.grid.ring(units.reshape(-1, *shape))).numpy()
 
 
 def _tapers(
     system: System, sensors: Sequence[Sensor], quantities: Sequence[Sensor], radius: float
 ) -> Array:
-    """Return the localisation ``(sensor, quantity and field*grid)``."""
-    cells = math.prod(system.grid.shape)
-    count = len(quantities) + len(system.fields) * cells
+    """Return the localisation ``(sensor, quantity and field*point)``."""
+    count = len(quantities) + len(system.fields) * math.prod(points_of(system))
     if not system.axes or not math.isfinite(radius):
         return np.ones((len(sensors), count))
     places = torch.tensor([s.position for s in quantities], dtype=torch.float64)
     between = sensor_distances(system.grid, places)[: len(sensors)]
     apart = distances(system.grid, places[: len(sensors)])
-    apart = apart.expand(len(sensors), *system.grid.shape).flatten(1)
+    apart = system.grid.own(apart.expand(len(sensors), *system.grid.shape)).flatten(1)
     parts = [
         gaspari_cohn(between, radius),
         gaspari_cohn(apart, radius).repeat(1, len(system.fields)),

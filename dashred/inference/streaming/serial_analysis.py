@@ -89,3 +89,23 @@ def analyse(
         for e in range(entries):
             joint[i, e] += mean[e]
     return innovations, stds, serial, density
+
+
+@numba.njit(cache=True)
+def inflate(members: Array, factor: float, random: Array) -> None:
+    """Inflate the anomalies and add a random part to each member, without changing the mean.
+
+    Args:
+        members: states, ``(member, entry)``; they are changed in place.
+        factor: on the anomalies.
+        random: what is added to each member, ``(member, entry)``.
+    """
+    count, entries = members.shape
+    for e in range(entries):
+        mean, added = 0.0, 0.0
+        for i in range(count):
+            mean += members[i, e]
+            added += random[i, e]
+        mean, added = mean / count, added / count
+        for i in range(count):
+            members[i, e] = mean + factor * (members[i, e] - mean) + random[i, e] - added

@@ -15,8 +15,8 @@ from dashred.inference.streaming.live_filter import Analysed, LiveFilter
 from dashred.inference.streaming.monitor import Monitor
 
 Array = NDArray[np.float64]
-# What may have changed: one sensor, several at once, the only sensor, or an end of the alarm.
-Kind = Literal["sensor", "several", "only", "ended"]
+# An alarm begins; then what has changed: one sensor, several at once, or the only sensor; its end.
+Kind = Literal["begun", "sensor", "several", "only", "ended"]
 
 # A lone innovation above this many standard deviations is an outlier, and is not assimilated.
 OUTLIER, LONGEST_OUTLIER = 6.0, 2
@@ -24,6 +24,10 @@ OUTLIER, LONGEST_OUTLIER = 6.0, 2
 EVERY = 32
 # A sensor is part of an alarm of others if its chart is above this share of the threshold.
 INVOLVED = 0.5
+# After so many more samples, it is clear whether the other sensors have changed, too.
+DELIBERATION = 20
+# An alarm of several sensors ends after so many samples without another one.
+QUIET = 100
 
 
 @dataclass(frozen=True)
@@ -62,9 +66,11 @@ class Tracked(NamedTuple):
 class Tracker:
     """The filter with its charts and a short history.
 
-    After an alarm the filter is run again from a state before it, without each suspected sensor in
+    Some samples after an alarm the filter is run again from a state before it, without each suspected sensor in
     turn. If the others are white noise without one sensor, this sensor alone has changed. It is
-    left out until its readings agree with the filter again.
+    left out until its readings agree with the filter again. Otherwise the filter draws new members
+    from the climate: a filter that trusts a wrong state, or a law that no longer holds, would
+    hardly listen to the sensors.
 
     Attributes:
         filter: with the state after the last sample.
@@ -88,12 +94,13 @@ class Tracker:
         self._snapshots: deque[Snapshot] = deque(maxlen=LONGEST // EVERY)
         self._alarmed: set[int] = set()
         self._kind: Kind | None = None
-        self._count = 0
+        self._since = math.nan
+        self._count, self._settled_at, self._decides_at, self._ends_at = 0, settling, 0, 0
 
     @property
     def is_settled(self) -> bool:
         """Whether the charts have begun."""
-        return self._count > self._settling
+        return self._count > self._settled_at
 
     @property
     def alarmed(self) -> tuple[int, ...]:
@@ -131,10 +138,15 @@ class Tracker:
         return Tracked(analysed, white, outliers, alarm)
 
     def begin_again(self) -> None:
-        """Draw new members, and wait until the filter has settled again."""
+        """Draw new members, and wait until the filter has settled again; no alarm remains."""
+        self._settle()
+        self._kind, self._alarmed = None, set()
+        self.left_out[:] = False
+
+    def _settle(self) -> None:
         self.filter.begin()
         self.monitor.charts.begin_again()
-        self._count = 0
+        self._settled_at = self._count + self._settling
         self._history.clear()
         self._snapshots.clear()
 
@@ -148,58 +160,71 @@ class Tracker:
     def _alarm(self, time: float) -> Alarm | None:
         heights = self.monitor.heights
         above = set(np.flatnonzero(heights > 1).tolist())
-        squares = self.monitor.height_of_squares > 1
-        if self._kind is None and (above or squares):
-            return self._begin(time, above, heights)
-        if self._kind == "sensor" and (above - self._alarmed or squares):
+        is_above = bool(above) or self.monitor.height_of_squares > 1
+        if self._kind is None:
+            return self._begin(time, above) if is_above else None
+        if self._kind == "begun":
+            self._alarmed |= above
+            return self._decide(time, heights) if self._count >= self._decides_at else None
+        others = above - self._alarmed
+        if self._kind == "sensor" and (others or self.monitor.height_of_squares > 1):
             # Another sensor follows: it was not the first one alone.
-            return self._several(time, above, heights)
-        self._alarmed |= above
-        if self._kind is not None:
-            return self._end_if_over(time, heights)
-        return None
+            return self._several(time, heights)
+        if self._kind != "sensor" and is_above:
+            self._alarmed |= above
+            self._settle_in_alarm()
+            return None
+        return self._end_if_over(time, heights)
 
-    def _begin(self, time: float, above: set[int], heights: Array) -> Alarm:
+    def _settle_in_alarm(self) -> None:
+        self._settle()
+        self._ends_at = self._settled_at + QUIET
+
+    def _begin(self, time: float, above: set[int]) -> Alarm:
+        self._kind, self._alarmed = "begun", above
+        self._decides_at = self._count + DELIBERATION
+        self._since = self._time_of_zero(above)
         values = np.array([sample.values for sample in self._history])
         active = np.flatnonzero(~np.isnan(values).all(axis=0))
         if len(active) < 2:
             self._kind, self._alarmed = "only", set(active.tolist())
-            return Alarm("only", self.alarmed, time, self._since(above or None))
-        found = without_one_sensor(
-            self._snapshots, self._history, heights, self._index_since(above or None)
-        )
+            self._settle_in_alarm()
+        return Alarm(self._kind, self.alarmed, time, self._since)
+
+    def _decide(self, time: float, heights: Array) -> Alarm:
+        """Say whether it is one sensor, by filtering the last samples without it."""
+        first = self._history[-1].index - len(self._history)
+        begun = next((s.index for s in self._history if s.time >= self._since), first)
+        found = without_one_sensor(self._snapshots, self._history, heights, begun)
         if found is None:
-            return self._several(time, above, heights)
-        since = self._since({found.sensor})
+            return self._several(time, heights)
         self.filter, self.monitor = found.filter, found.monitor
         self._kind, self._alarmed = "sensor", {found.sensor}
         self.left_out[found.sensor] = True
-        return Alarm("sensor", (found.sensor,), time, since)
+        return Alarm("sensor", self.alarmed, time, self._since)
 
-    def _several(self, time: float, above: set[int], heights: Array) -> Alarm:
-        involved = set(np.flatnonzero(heights > INVOLVED).tolist()) | above | self._alarmed
-        since = self._since(involved or None)
-        self._kind, self._alarmed = "several", involved
+    def _several(self, time: float, heights: Array) -> Alarm:
+        self._alarmed |= set(np.flatnonzero(heights > INVOLVED).tolist())
+        self._kind = "several"
         self.left_out[:] = False
-        return Alarm("several", self.alarmed, time, since)
+        self._settle_in_alarm()
+        return Alarm("several", self.alarmed, time, self._since)
 
     def _end_if_over(self, time: float, heights: Array) -> Alarm | None:
-        if heights[self.alarmed,].any() or self.monitor.height_of_squares > INVOLVED:
+        if self._kind == "sensor":
+            is_over = not heights[[*self.alarmed]].any()
+        else:
+            is_over = self._count >= self._ends_at
+        if not is_over:
             return None
         ended = Alarm("ended", self.alarmed, time, time)
         self._kind, self._alarmed = None, set()
         self.left_out[:] = False
         return ended
 
-    def _index_since(self, sensors: set[int] | None) -> int:
-        """Return the number of the first sample after the last zero of the charts."""
-        each = [None] if sensors is None else sorted(sensors)
-        ago = max(self.monitor.samples_since_zero(sensor) for sensor in each)
-        return self._count - ago
-
-    def _since(self, sensors: set[int] | None) -> float:
-        first = self._index_since(sensors)
-        return next(
-            (sample.time for sample in self._history if sample.index >= first),
-            self._history[-1].time,
-        )
+    def _time_of_zero(self, sensors: set[int]) -> float:
+        """Return the time of the first sample after the last zero of the charts."""
+        charts = sorted(sensors) if sensors else [None]
+        ago = max(self.monitor.samples_since_zero(chart) for chart in charts)
+        times = [sample.time for sample in self._history]
+        return times[max(0, len(times) - max(ago, 1))]

@@ -44,11 +44,13 @@ class Whitener:
     follows: NDArray[np.bool_]
     _before: Array = field(init=False)
     _recent: Array = field(init=False)
+    _is_plain: bool = field(init=False)
 
     def __post_init__(self) -> None:
         """Begin without an earlier innovation."""
         self._before = np.full(len(self.mean), np.nan)
         self._recent = np.ones(len(self.mean))
+        self._is_plain = not self.is_needed.any()
 
     @classmethod
     def fit(cls, innovations: Array) -> Whitener:
@@ -67,6 +69,8 @@ class Whitener:
 
     def add(self, innovations: Array) -> Array:
         """Return the whitened innovations of the next sample, ``(sensor,)``; NaN where missing."""
+        if self._is_plain:
+            return innovations
         centred = innovations - self.mean
         known = ~np.isnan(self._before)
         phi = np.where(known, self.correlation, 0.0)

@@ -20,7 +20,10 @@ def test_a_drift_of_three_std_in_100_samples_is_found_within_60(sensor: int) -> 
     found = streams.alarms(streams.tracker(), times, values)
     assert found
     assert found[0].time <= times[begins + 60] and found[0].since >= times[begins - 10]
-    assert (found[0].kind, found[0].sensors) == ("sensor", (sensor,))
+    assert [(each.kind, each.sensors) for each in found] == [
+        ("begun", (sensor,)),
+        ("sensor", (sensor,)),
+    ]
 
 
 def test_a_term_that_is_switched_on_is_found() -> None:
