@@ -12,7 +12,7 @@ LOGGERS = ("mlflow", "torch.export", "torch.fx")
 
 @contextmanager
 def quiet_export() -> Iterator[None]:
-    """Silence MLflow and torch.export, which tell about the graph and not about the user's input."""
+    """Silence MLflow and torch.export, which describe the graph and no input of the user."""
     loggers = [logging.getLogger(name) for name in LOGGERS]
     levels = [logger.level for logger in loggers]
     for logger in loggers:

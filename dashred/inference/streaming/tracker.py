@@ -66,11 +66,11 @@ class Tracked(NamedTuple):
 class Tracker:
     """The filter with its charts and a short history.
 
-    Some samples after an alarm the filter is run again from a state before it, without each suspected sensor in
-    turn. If the others are white noise without one sensor, this sensor alone has changed. It is
-    left out until its readings agree with the filter again. Otherwise the filter draws new members
-    from the climate: a filter that trusts a wrong state, or a law that no longer holds, would
-    hardly listen to the sensors.
+    Some samples after an alarm the filter is run again from a state before it, without each
+    suspected sensor in turn. If the others are white noise without one sensor, this sensor alone
+    has changed. It is left out until its readings agree with the filter again. Otherwise the filter
+    draws new members from the climate: a filter that trusts a wrong state, or a law that no longer
+    holds, would hardly listen to the sensors.
 
     Attributes:
         filter: with the state after the last sample.

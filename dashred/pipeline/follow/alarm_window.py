@@ -40,13 +40,13 @@ class AlarmWindow:
         self.table = self.path.with_name(f"{self.path.stem}-sensors.csv")
         self._columns, self._count = [*columns], 0
         write_text_atomic(self.table, _table(system, sensors))
-        self._rows = Rows(self.path, ["time", *(sensor.name for sensor in sensors)], 0)
+        self._rows = Rows(self.path, ["time", *(sensor.name for sensor in sensors)])
 
     def add(self, samples: Sequence[tuple[float, Array]]) -> None:
         """Add samples: a time and readings, ``(sensor,)``; at most so many as :data:`LONGEST`."""
         room = samples[: max(0, LONGEST - self._count)]
         self._count += len(room)
-        self._rows.write([((time, *values[self._columns]), ()) for time, values in room])
+        self._rows.write([((time, *values[self._columns].tolist()), ()) for time, values in room])
 
     def close(self) -> None:
         """Close the file."""

@@ -53,7 +53,7 @@ class Arguments:
         "default: standard output",
         default=None,
     )
-    at: tuple[str, ...] = argument(
+    at: tuple[str, ...] | None = argument(
         list_reader(str),
         "u@1.5,...",
         "further quantities to estimate: FIELD@PLACE, or a field of a system without axes",
@@ -80,8 +80,8 @@ class Arguments:
     window: Path | None = argument(
         read_path,
         "NAME",
-        "where the samples since an alarm are written: NAME-1.csv, NAME-2.csv, …; default: the name "
-        "of the output with -window",
+        "where the samples since an alarm are written: NAME-1.csv, NAME-2.csv, …; default: the "
+        "name of the output with -window",
         default=None,
     )
     idle: float | None = argument(

@@ -33,7 +33,6 @@ def export_surrogate(path: Path, run: FinishedRun) -> None:
         "window": run.lags + 1,
         "step": run.step,
     }
-    with atomic_file(path) as partial, quiet_export():
-        # torch.export expects its own ending, which the partial file does not have.
-        with partial.open("wb") as file:
-            torch.export.save(program, file, extra_files={DESCRIPTION: json.dumps(about)})
+    # An open file, because torch.export expects its own ending in a name.
+    with atomic_file(path) as partial, partial.open("wb") as file, quiet_export():
+        torch.export.save(program, file, extra_files={DESCRIPTION: json.dumps(about)})

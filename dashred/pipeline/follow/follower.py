@@ -21,7 +21,9 @@ Array = NDArray[np.float64]
 
 # Flags of a row. A row without a flag is an estimate as good as in the recording of the run.
 SETTLING, MISSING, LOST, OUTLIER, LEFT_OUT = "settling", "missing", "lost", "outlier", "left-out"
-# Texts at the end of a row.
+# Numbers of a row, of every quantity and of every sensor, and texts at its end.
+OF_QUANTITIES = ("filter", "spread", "shred", "forecast")
+OF_SENSORS = ("innovation", "standardised")
 TEXTS = ("flag", "alarm")
 # Number of samples that are kept for the window of an alarm.
 KEPT = 4000
@@ -74,15 +76,8 @@ class Follower:
         self.recent: deque[tuple[float, Array]] = deque(maxlen=KEPT)
         self.fields: Fields | None = None
         names = [each.name for each in (*tracker.filter.sensors, *tracker.filter.places)]
-        self.columns = [
-            "time",
-            *(
-                f"{name}.{what}"
-                for what in ("filter", "spread", "shred", "forecast")
-                for name in names
-            ),
-            *(f"{name}.{what}" for what in ("innovation", "standardised") for name in run.names),
-        ]
+        columns = {what: names for what in OF_QUANTITIES} | {what: run.names for what in OF_SENSORS}
+        self.columns = ["time", *(f"{n}.{what}" for what, each in columns.items() for n in each)]
 
     @property
     def is_at_begin(self) -> bool:

@@ -26,11 +26,10 @@ class Rows:
     Args:
         path: the file; None is standard output.
         columns: names of the numbers, then of the texts.
-        texts: number of columns with text at the end.
     """
 
-    def __init__(self, path: Path | None, columns: Sequence[str], texts: int) -> None:
-        self._path, self._columns, self._texts = path, columns, texts
+    def __init__(self, path: Path | None, columns: Sequence[str]) -> None:
+        self._path, self._columns = path, columns
         self._is_json = path is not None and path.suffix.lower() in JSON_ENDINGS
         if path is None:
             sys.stdout.flush()
@@ -73,7 +72,7 @@ class Rows:
         return f"{','.join([*cells, *map(_cell, texts)])}\n"
 
     def _json(self, numbers: Sequence[float], texts: Sequence[str]) -> str:
-        values = [float(numbers[0]), *(float(self._number % x) for x in numbers[1:])]
+        values = [numbers[0], *(float(self._number % x) for x in numbers[1:])]
         plain = [x if math.isfinite(x) else None for x in values]
         row = dict(zip(self._columns, [*plain, *texts], strict=True))
         return f"{json.dumps(row, ensure_ascii=False)}\n"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from dashred.core.errors import InputError
+from dashred.data.sensors import Sensor
 from dashred.inference.streaming.calibration import Calibration, calibrate
 from dashred.inference.streaming.live_filter import LiveFilter, LiveSettings
 from dashred.inference.streaming.monitor import Monitor
@@ -75,7 +76,7 @@ def follow(run: FinishedRun, settings: Settings) -> None:
         source = open_source(settings.source, remarks)
         stack.callback(source.close)
         follower = Follower(run, tracker, settings.ahead, remarks)
-        rows = stack.enter_context(Rows(settings.output, [*follower.columns, *TEXTS], len(TEXTS)))
+        rows = stack.enter_context(Rows(settings.output, [*follower.columns, *TEXTS]))
         session = _Session(run, settings, follower, rows, remarks)
         alignment = Alignment(run.names, run.step, remarks)
         with _ended_by_signals() as is_ended:
@@ -84,14 +85,13 @@ def follow(run: FinishedRun, settings: Settings) -> None:
                 messages = source.read(PATIENCE)
                 heard = time.monotonic() if messages else heard
                 session.add(alignment.add(messages), is_ended)
-                if not messages and settings.idle is not None:
-                    if time.monotonic() >= heard + settings.idle:
-                        break
+                if settings.idle is not None and time.monotonic() >= heard + settings.idle:
+                    break
             session.add(alignment.finish(), is_ended)
             session.finish()
 
 
-def _calibrated(run: FinishedRun, places: Sequence, settings: Settings) -> Calibration:
+def _calibrated(run: FinishedRun, places: Sequence[Sensor], settings: Settings) -> Calibration:
     filter = LiveFilter(
         run.system,
         run.sensors,
@@ -125,7 +125,7 @@ class _Session:
         self._window: AlarmWindow | None = None
         self._count = self._alarms = 0
 
-    def add(self, samples: Sequence[Sample], is_ended) -> None:
+    def add(self, samples: Sequence[Sample], is_ended: Callable[[], bool]) -> None:
         """Follow samples in blocks; after an end is asked for, the rest is left."""
         samples = [self._without_faulty(sample) for sample in samples]
         while samples and not is_ended():
@@ -192,12 +192,12 @@ class _Session:
 
 
 @contextmanager
-def _ended_by_signals() -> Iterator:
+def _ended_by_signals() -> Iterator[Callable[[], bool]]:
     """Yield a function that returns whether Ctrl-C, or a request to terminate, has come.
 
     The rows are then written to the last one. A second Ctrl-C ends at once.
     """
-    asked = []
+    asked: list[int] = []
 
     def ask(number: int, frame: object) -> None:
         if asked:
