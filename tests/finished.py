@@ -16,7 +16,7 @@ from dashred.pipeline.outputs.estimator_file import write_estimator
 from dashred.pipeline.outputs.field_files import write_estimates
 from tests import streams
 
-LAGS, SAMPLES = 4, 300
+LAGS, SAMPLES = 4, 150
 
 
 def shred() -> SHRED:

@@ -64,7 +64,7 @@ class LineReader:
             InputError: the first line is not a header with a column ``time``.
         """
         *lines, self._rest = (self._rest + text).split("\n")
-        messages = [self._line(line.strip()) for line in lines]
+        messages = [self._line(line.strip(" \r")) for line in lines]
         return [message for message in messages if message is not None]
 
     def finish(self) -> list[Message]:
