@@ -50,6 +50,16 @@ class Fields(NamedTuple):
     shred: Array
 
 
+class _Part(NamedTuple):
+    """A row without the estimate of SHRED, and the input of SHRED."""
+
+    sample: Sample
+    tracked: Tracked
+    inputs: Array
+    forecast: Array
+    texts: tuple[str, str]
+
+
 class Follower:
     """Estimates for every sample.
 
@@ -89,20 +99,19 @@ class Follower:
 
         The filter goes from sample to sample. SHRED then reads the windows of all of them at once.
         """
-        tracked, inputs, forecasts, flags = [], [], [], []
         rows: list[Row] = []
+        parts: list[_Part] = []
         for sample in samples:
             if sample.begins:
-                rows += self._rows(tracked, inputs, forecasts, flags)
-                tracked, inputs, forecasts, flags = [], [], [], []
+                rows += self._rows(parts)
+                parts = []
                 self._begin(sample)
             found, is_lost = self._step(sample)
-            tracked.append((sample, found))
-            inputs.append(self._inputs(sample, found))
-            forecasts.append(self._tracker.filter.ahead(self._span))
-            flags.append(self._flags(sample, found, is_lost))
+            forecast = self._tracker.filter.ahead(self._span)
+            texts = self._flags(sample, found, is_lost)
+            parts.append(_Part(sample, found, self._inputs(sample, found), forecast, texts))
             self.recent.append((sample.time, sample.values))
-        return rows + self._rows(tracked, inputs, forecasts, flags)
+        return rows + self._rows(parts)
 
     def _begin(self, sample: Sample) -> None:
         """Go on from the end of the recording if the stream follows it; else begin anew."""
@@ -158,34 +167,19 @@ class Follower:
             return " ".join(flags), ""
         return " ".join(flags), " ".join(names[i] for i in tracker.alarmed) or "all"
 
-    def _rows(
-        self,
-        tracked: Sequence[tuple[Sample, Tracked]],
-        inputs: Sequence[Array],
-        forecasts: Sequence[Array],
-        flags: Sequence[tuple[str, str]],
-    ) -> list[Row]:
-        if not tracked:
+    def _rows(self, parts: Sequence[_Part]) -> list[Row]:
+        """Return the rows of samples, with the estimates of SHRED."""
+        if not parts:
             return []
-        fields = self._surrogate.add(np.stack(inputs))
-        own = self._run.system.grid.own(torch.from_numpy(fields)).numpy()
-        sample = tracked[-1][0]
-        self.fields = Fields(sample.time, self._tracker.filter.mean, own[-1])
-        flat = own.reshape(len(own), -1)
+        filter = self._tracker.filter
+        fields = torch.from_numpy(self._surrogate.add(np.stack([part.inputs for part in parts])))
+        own = self._run.system.grid.own(fields).numpy()
+        self.fields = Fields(parts[-1].sample.time, filter.mean, own[-1])
         rows = []
-        for (sample, found), state, forecast, texts in zip(
-            tracked, flat, forecasts, flags, strict=True
-        ):
-            shred = self._tracker.filter.quantities(state[None], sample.time)[0]
-            analysed = found.analysed
-            parts = [
-                [sample.time],
-                analysed.estimate,
-                analysed.spread,
-                shred,
-                forecast,
-                analysed.innovation,
-                found.white,
-            ]
-            rows.append(Row(np.concatenate(parts), texts, found.alarm))
+        for part, state in zip(parts, own.reshape(len(own), 1, -1), strict=True):
+            time, found = part.sample.time, part.tracked.analysed
+            shred = filter.quantities(state, time)[0]
+            of_quantities = (found.estimate, found.spread, shred, part.forecast)
+            numbers = np.concatenate([[time], *of_quantities, found.innovation, part.tracked.white])
+            rows.append(Row(numbers, part.texts, part.tracked.alarm))
         return rows
