@@ -123,7 +123,7 @@ class Tracker:
         Raises:
             FilterLostError: most members have blown up; see :meth:`begin_again`.
         """
-        if self.is_settled and self._count % EVERY == 0:
+        if self.is_settled and (self._count % EVERY == 0 or not self._snapshots):
             copies = self.filter.copy(), self.monitor.copy()
             self._snapshots.append(Snapshot(self._count, *copies))
         limits = self._limits()
