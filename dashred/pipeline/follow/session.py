@@ -83,9 +83,10 @@ def follow(run: FinishedRun, settings: Settings) -> None:
             heard = time.monotonic()
             while not (source.ended or is_ended()):
                 messages = source.read(PATIENCE)
-                heard = time.monotonic() if messages else heard
                 session.add(alignment.add(messages), is_ended)
-                if settings.idle is not None and time.monotonic() >= heard + settings.idle:
+                if messages:
+                    heard = time.monotonic()
+                elif settings.idle is not None and time.monotonic() >= heard + settings.idle:
                     break
             session.add(alignment.finish(), is_ended)
             session.finish()

@@ -74,7 +74,11 @@ def noise(samples: int, seed: int) -> np.ndarray:
     return streams.SIGMA * np.random.default_rng(seed).standard_normal((samples, 2))
 
 
-def test_an_alarm_names_the_sensor_and_leaves_a_recording(run: Path, tmp_path: Path, capfd) -> None:
+def test_an_alarm_names_the_sensor_and_leaves_a_recording(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd
+) -> None:
+    # The stream comes in many blocks.
+    monkeypatch.setattr("dashred.pipeline.follow.sources.text_streams.BLOCK", 1000)
     times, values = stream(400)
     values[200:, 1] += 0.03 * streams.SIGMA * np.arange(200)
     path = finished.write_stream(tmp_path / "s.csv", times, values)
@@ -84,6 +88,7 @@ def test_an_alarm_names_the_sensor_and_leaves_a_recording(run: Path, tmp_path: P
     assert "momentum differs from what the other sensors say" in said
     assert "recording.path=" in said and "corrected.yaml" in said
     rows = [json.loads(line) for line in (tmp_path / "o.jsonl").read_text().splitlines()]
+    assert len(rows) == 400
     assert rows[-1]["flag"] == "left-out:momentum" and rows[-1]["alarm"] == "momentum"
     window, table = tmp_path / "o-window-1.csv", tmp_path / "o-window-1-sensors.csv"
     found = read_episodes(str(window), str(table), streams.system()).single("window")
