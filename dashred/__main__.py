@@ -20,6 +20,9 @@ ANALYSIS = {
     "init": Entry("dashred.pipeline.init.command", "write a first configuration for a recording"),
     "check": Entry("dashred.pipeline.check.command", "find mistakes in the input within seconds"),
     "train": Entry("dashred.train", "find what a simulation leaves out; resume=RUN_ID resumes"),
+    "follow": Entry(
+        "dashred.pipeline.follow.command", "follow a stream of readings with the results of a run"
+    ),
     "fetch": Entry("dashred.data.io.fetch", "fetch the recording of a real pendulum"),
     "reference": Entry("dashred.config.reference_command", "print every configuration key"),
 }

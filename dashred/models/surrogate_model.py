@@ -6,8 +6,6 @@ code from the file and needs only torch and MLflow.
 
 from __future__ import annotations
 
-import logging
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import metadata
@@ -16,6 +14,7 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
+from dashred.models.quiet_export import quiet_export
 from dashred.models.shred import SHRED
 
 if TYPE_CHECKING:
@@ -45,7 +44,7 @@ def log_surrogate(run: MlflowRun, shred: SHRED, windows: Tensor, sensors: list[s
     example = windows[:EXAMPLES].float().contiguous()
     with torch.no_grad():
         field = shred(example)
-    with _tracking_uri_of(run), _quiet():
+    with _tracking_uri_of(run), quiet_export():
         logged = Model.log(
             artifact_path=None,
             model_id=run.new_model(MODEL_NAME),
@@ -72,19 +71,3 @@ def _tracking_uri_of(run: MlflowRun) -> Iterator[None]:
         yield
     finally:
         mlflow.set_tracking_uri(before)
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Silence the log messages and warnings of MLflow and torch.export."""
-    loggers = [logging.getLogger(name) for name in ("mlflow", "torch.export", "torch.fx")]
-    levels = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.ERROR)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            yield
-    finally:
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.setLevel(level)

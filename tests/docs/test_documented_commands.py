@@ -184,6 +184,13 @@ def program_words(words: list[str], folder: Path) -> None:
     read_words(words[2:])
 
 
+def follow_words(words: list[str], folder: Path) -> None:
+    """Read the words of a stream; the run and the source need not be there."""
+    from dashred.pipeline.follow.command import COMMAND
+
+    COMMAND.read(words[2:])
+
+
 Check = Callable[[list[str], Path], None]
 CHEAP: dict[str, Check] = {
     r"make [a-z-]+": make,
@@ -198,6 +205,7 @@ CHEAP: dict[str, Check] = {
 WORDS: dict[str, Check] = {
     r"(dashred |python -m dashred\.)train conf=.*": train_words,
     r"dashred train resume=RUN_ID.*": resume_words,
+    r"dashred follow run=.*": follow_words,
     r"mlflow (ui|server) .*": mlflow_words,
     r"dashred (bench|compare) systems=.*": bench_words,
     r"dashred benchmark.*": performance_words,

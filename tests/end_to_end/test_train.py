@@ -42,6 +42,7 @@ def test_a_twin_experiment_leaves_all_its_files(twin_run) -> None:
     assert left == FIGURES | {
         "corrected.yaml",
         "estimates.nc",
+        "estimator.nc",
         "findings.json",
         "forecast.nc",
         "freeze.json",

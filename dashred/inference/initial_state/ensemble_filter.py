@@ -133,7 +133,7 @@ def ensemble_filter(
         deadline.check()
         if i:
             states = run(states, times[i - 1 : i + 1], coefficients)[:, -1]
-            bounded = _bounded_members(states)
+            bounded = bounded_members(states)
             _check_divergence(bounded, len(members), float(times[i]))
             states, starts, coefficients = states[bounded], starts[bounded], coefficients[bounded]
         centre = states.mean(dim=0)
@@ -217,7 +217,7 @@ def _mean_and_anomalies(members: Tensor) -> tuple[Tensor, Tensor]:
     return mean, members - mean
 
 
-def _bounded_members(states: Float[Tensor, "member field ..."]) -> Tensor:
+def bounded_members(states: Float[Tensor, "member field ..."]) -> Tensor:
     """Return which members have not blown up and are not blowing up."""
     size = states.abs().flatten(1).amax(dim=1)
     half = size.nan_to_num(nan=torch.inf).median()

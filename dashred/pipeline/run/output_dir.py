@@ -24,6 +24,7 @@ RESULTS = (
     "forecast.nc",
     "corrected.yaml",
     "corrected.fmu",
+    "estimator.nc",
     "report.html",
     "run.json",
     "summary.txt",

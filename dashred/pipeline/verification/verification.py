@@ -42,6 +42,8 @@ from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
 from dashred.pipeline.outputs.corrected_config import write_corrected
 from dashred.pipeline.outputs.corrected_fmu import NAME as FMU
 from dashred.pipeline.outputs.corrected_fmu import write_corrected_fmu
+from dashred.pipeline.outputs.estimator_file import NAME as ESTIMATOR
+from dashred.pipeline.outputs.estimator_file import whole_recording, write_estimator
 from dashred.pipeline.outputs.field_files import episodes_dataset
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.numerical_error import numerical_error, sufficient_step
@@ -191,7 +193,7 @@ def unresolved_findings(problem: Problem, resolution: Resolution) -> Findings:
 
 
 def write_findings(problem: Problem, analysis: Analysis, findings: Findings, output: Path) -> None:
-    """Write the fields, the forecast, the corrected configuration and the findings; freeze all."""
+    """Write the fields, the corrected configuration, the estimator and the findings; freeze all."""
     write_netcdf_atomic(output / "estimates.nc", estimates_dataset(problem, analysis))
     write_netcdf_atomic(output / "forecast.nc", forecast_dataset(problem, analysis))
     others = ["estimates.nc", "forecast.nc"]
@@ -207,6 +209,17 @@ def write_findings(problem: Problem, analysis: Analysis, findings: Findings, out
         path = output / CORRECTED
         write_corrected(path, problem.config, problem.system, law, sha256, remark, hidden)
         others.append(CORRECTED)
+        network, recording = analysis.corrected_network.shred, whole_recording(problem.split)
+        write_estimator(
+            output / ESTIMATOR,
+            recording,
+            [axis.name for axis in problem.system.axes],
+            problem.split.roles,
+            noise_of_sensors(problem, analysis, recording.names),
+            network,
+            problem.config.shred.lags,
+        )
+        others.append(ESTIMATOR)
     freeze_findings(output, findings, others)
 
 

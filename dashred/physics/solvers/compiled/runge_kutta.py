@@ -112,6 +112,27 @@ class CompiledRungeKutta:
 
         return step
 
+    def leap(self, weights: Tensor, span: float) -> Callable[[Array, float], Array]:
+        """Return the flow over one span, for many calls with the same weights.
+
+        It maps states ``(batch, field)`` and the time at which they are to states.
+        """
+        by_row = np.ascontiguousarray(weights.numpy())
+        steps = list(schedule([0.0, span], self.system.dt))
+        after = np.array([step.t for step in steps])
+        lengths = np.array([step.h for step in steps])
+        ends = np.array([step.ends for step in steps])
+        used, knots, values = self._used(by_row), np.zeros(0), np.zeros((0, 0, len(by_row)))
+
+        def run(state: Array, begin: float) -> Array:
+            saved = np.empty((2, state.shape[1], len(state)))
+            saved[0] = state.T
+            parts = self.rates, used, saved, begin + after, lengths, ends, by_row, knots, values
+            _integrate(*parts, *self._method)
+            return np.ascontiguousarray(saved[1].T)
+
+        return run
+
     def _used(self, weights: Array) -> NDArray[np.int64]:
         """Return the indices of the functions with a weight in any row."""
         has_weight = np.append((weights != 0).any(axis=0), False)

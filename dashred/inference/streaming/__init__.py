@@ -1,0 +1,1 @@
+"""A causal filter of a stream of readings, and the charts that watch its innovations."""

@@ -1,0 +1,244 @@
+"""A causal ensemble filter: one step for every sample of a stream.
+
+It is the ensemble square-root filter of Whitaker & Hamill (2002) with localisation. Between samples
+each member runs through the simulator. Multiplicative inflation, and a small random part of the
+anomalies of the climate, keep the spread from collapsing in a long stream.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from dashred.data.observation_operator import ObservationOperator
+from dashred.data.sensors import Sensor
+from dashred.inference.initial_state.covariance_tapers import (
+    distances,
+    gaspari_cohn,
+    sensor_distances,
+)
+from dashred.inference.initial_state.ensemble_filter import (
+    SMALLEST_SHARE,
+    FilterLostError,
+    bounded_members,
+)
+from dashred.inference.streaming.march import March, points_of
+from dashred.inference.streaming.serial_analysis import analyse, inflate
+from dashred.physics.system import System
+
+Array = NDArray[np.float64]
+
+# A first member is a state of the climate, changed by this share of a difference of two others.
+MIXING = 0.2
+# A state farther from the mean of the climate than this multiple of its range may be blowing up.
+FAR = 10.0
+
+
+@dataclass(frozen=True)
+class LiveSettings:
+    """Settings of the filter.
+
+    Attributes:
+        radius: Gaspari–Cohn radius about a sensor, in the unit of the axes; infinite for none.
+        inflation: factor on the anomalies of the forecast before each analysis.
+        additive: standard deviation of the random part that each member gets before each analysis,
+            as a share of that of the climate.
+    """
+
+    radius: float = math.inf
+    inflation: float = 1.005
+    additive: float = 1e-3
+
+
+class Analysed(NamedTuple):
+    """What the filter knows after a sample.
+
+    Attributes:
+        estimate: mean of each quantity, ``(quantity,)``.
+        spread: standard deviation of each quantity over the members, ``(quantity,)``.
+        innovation: reading minus its forecast, ``(sensor,)``; NaN without a reading.
+        innovation_std: expected standard deviation of the innovation, ``(sensor,)``.
+        serial: innovations given the earlier readings of the sample, in their own standard
+            deviations, ``(sensor,)``; see :func:`.serial_analysis.analyse`.
+        density: logarithm of the density of the readings, without its constant.
+    """
+
+    estimate: Array
+    spread: Array
+    innovation: Array
+    innovation_std: Array
+    serial: Array
+    density: float
+
+
+class LiveFilter:
+    """The filter with its members at the time of the last sample.
+
+    Attributes:
+        time: of the last sample.
+        members: states of the members, ``(member, field*point)``, at the points of the axes without
+            mirror images.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        sensors: Sequence[Sensor],
+        places: Sequence[Sensor],
+        noise: Array,
+        climate: Array,
+        members: int,
+        settings: LiveSettings,
+        seed: int,
+    ) -> None:
+        """Draw the first members from the climate.
+
+        Args:
+            system: the simulator, with fixed steps.
+            sensors: sensors that are assimilated.
+            places: further quantities that are estimated.
+            noise: σ of each sensor.
+            climate: states that the system may be in, ``(state, field*point)``.
+            members: number of members.
+            settings: localisation and inflation.
+            seed: of the random numbers.
+        """
+        self.system, self.settings = system, settings
+        self.sensors, self.places = tuple(sensors), tuple(places)
+        self.march = March(system)
+        self._noise, self._climate, self._count = noise, climate, members
+        self._mean, self._range = climate.mean(axis=0), np.ptp(climate, axis=0).max()
+        quantities = (*self.sensors, *self.places)
+        self._operator = ObservationOperator(quantities, system)
+        self._matrix = _matrix(self._operator, system)
+        self._tapers = _tapers(system, self.sensors, quantities, settings.radius)
+        self._shape = points_of(system)
+        self._rng = np.random.default_rng(seed)
+        self.time = math.nan
+        self.members = np.empty(0)
+        self.begin()
+
+    def copy(self) -> LiveFilter:
+        """Return an independent copy in the same state."""
+        other = copy.copy(self)
+        other.members = self.members.copy()
+        other._rng = copy.deepcopy(self._rng)
+        return other
+
+    def with_settings(self, settings: LiveSettings) -> LiveFilter:
+        """Return the filter with other settings, and with first members."""
+        other = self.copy()
+        other.settings = settings
+        quantities = (*self.sensors, *self.places)
+        other._tapers = _tapers(self.system, self.sensors, quantities, settings.radius)
+        other.begin()
+        return other
+
+    def begin(self) -> None:
+        """Draw the members from the climate."""
+        states, count = self._climate, self._count
+        one = states[self._rng.choice(len(states), count, replace=len(states) < count)]
+        self.members, self.time = one + MIXING * self._differences(), math.nan
+
+    def step(self, time: float, span: float, values: Array, limits: Array) -> Analysed:
+        """Run the members to a sample and assimilate it.
+
+        Args:
+            time: of the sample.
+            span: time since the last sample; it is ignored at the first one.
+            values: readings of the sensors, ``(sensor,)``; NaN where missing.
+            limits: largest innovation of each sensor that is assimilated, in standard deviations,
+                ``(sensor,)``; 0 leaves a sensor out.
+
+        Raises:
+            FilterLostError: more than half of the members blow up.
+        """
+        if not math.isnan(self.time):
+            self.members = self.march(self.members, time - span, span)
+            self._replace_lost(time)
+            inflate(self.members, self.settings.inflation, self._random_part())
+        self.time = time
+        quantities = self.quantities(self.members, time)
+        joint = np.concatenate([quantities, self.members], axis=1)
+        found = analyse(joint, values, self._noise, self._tapers, limits)
+        count = quantities.shape[1]
+        self.members = joint[:, count:].copy()
+        known = joint[:, :count]
+        return Analysed(known.mean(axis=0), known.std(axis=0, ddof=1), *found)
+
+    def quantities(self, states: Array, time: float) -> Array:
+        """Return the quantities of states ``(state, field*point)``: ``(state, quantity)``."""
+        if self._matrix is not None:
+            return states @ self._matrix
+        return self._operator(self.march.on_grid(states), time).numpy()
+
+    def ahead(self, span: float) -> Array:
+        """Return the quantities that are expected after a time, ``(quantity,)``.
+
+        They are those of the run of the simulator from the mean of the members.
+        """
+        mean = self.members.mean(axis=0, keepdims=True)
+        later = self.march(mean, self.time, span)
+        return self.quantities(later, self.time + span)[0]
+
+    @property
+    def mean(self) -> Array:
+        """Mean state of the members at the points of the axes, ``(field, *point)``."""
+        return self.members.mean(axis=0).reshape(len(self.system.fields), *self._shape)
+
+    def _random_part(self) -> Array:
+        """Return the random part that each member gets, ``(member, field*point)``."""
+        return self.settings.additive / math.sqrt(2) * self._differences()
+
+    def _differences(self) -> Array:
+        """Return differences of random states of the climate, ``(member, field*point)``."""
+        pairs = self._rng.integers(len(self._climate), size=(2, self._count))
+        return self._climate[pairs[0]] - self._climate[pairs[1]]
+
+    def _replace_lost(self, time: float) -> None:
+        """Put copies of other members in place of those that blow up."""
+        farthest = np.abs(self.members - self._mean).max()
+        if farthest <= FAR * self._range:
+            return
+        bounded = bounded_members(torch.from_numpy(self.members)).numpy()
+        kept = np.flatnonzero(bounded)
+        if len(kept) < max(2, SMALLEST_SHARE * self._count) or not (
+            np.abs(self.members[kept].mean(axis=0) - self._mean).max() <= FAR * self._range
+        ):
+            raise FilterLostError(f"the members have blown up at t = {time:g}")
+        lost = np.flatnonzero(~bounded)
+        self.members[lost] = self.members[self._rng.choice(kept, len(lost))]
+
+
+def _matrix(operator: ObservationOperator, system: System) -> Array | None:
+    """Return H as a matrix ``(field*point, quantity)``; None if it is not linear."""
+    if any(sensor.reads not in system.fields for sensor in operator.sensors):
+        return None
+    shape = (len(system.fields), *points_of(system))
+    units = torch.eye(math.prod(shape), dtype=torch.float64)
+    return operator(system.grid.ring(units.reshape(-1, *shape))).numpy()
+
+
+def _tapers(
+    system: System, sensors: Sequence[Sensor], quantities: Sequence[Sensor], radius: float
+) -> Array:
+    """Return the localisation ``(sensor, quantity and field*point)``."""
+    count = len(quantities) + len(system.fields) * math.prod(points_of(system))
+    if not system.axes or not math.isfinite(radius):
+        return np.ones((len(sensors), count))
+    places = torch.tensor([s.position for s in quantities], dtype=torch.float64)
+    between = sensor_distances(system.grid, places)[: len(sensors)]
+    apart = distances(system.grid, places[: len(sensors)])
+    apart = system.grid.own(apart.expand(len(sensors), *system.grid.shape)).flatten(1)
+    parts = [
+        gaspari_cohn(between, radius),
+        gaspari_cohn(apart, radius).repeat(1, len(system.fields)),
+    ]
+    return torch.cat(parts, dim=1).numpy()

@@ -1,0 +1,60 @@
+"""Run the members of a filter from sample to sample."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from dashred.physics.solvers.compiled.runge_kutta import CompiledRungeKutta
+from dashred.physics.solvers.compiled_simulator import CompiledSystem, compile_system
+from dashred.physics.system import System
+
+Array = NDArray[np.float64]
+
+# Number of spans whose steps are kept; a stream on a clock has two, to a sample and ahead.
+KEPT = 8
+
+
+class March:
+    """The flow of a simulator over any span, with little work besides its steps.
+
+    Args:
+        system: the simulator, with fixed steps where it has no axes.
+    """
+
+    def __init__(self, system: System) -> None:
+        self._system = system
+        self._compiled: CompiledSystem = compile_system(system, ())
+        self._points = points_of(system)
+        self._depends_on_time = system.reads_time()
+        self._leaps: dict[tuple[int, float], Callable[[Array, float], Array]] = {}
+
+    def __call__(self, states: Array, begin: float, span: float) -> Array:
+        """Return states ``(state, field*point)`` after a span that begins at a time."""
+        if isinstance(self._compiled, CompiledRungeKutta):
+            key = len(states), span
+            if key not in self._leaps:
+                if len(self._leaps) >= KEPT:
+                    del self._leaps[next(iter(self._leaps))]
+                none = torch.zeros((len(states), 0), dtype=torch.float64)
+                self._leaps[key] = self._compiled.leap(none, span)
+            return self._leaps[key](states, begin)
+        # The coefficients of the steps are kept for equal steps, and rounding would change these.
+        first = begin if self._depends_on_time else 0.0
+        times = torch.tensor([first, first + span], dtype=torch.float64)
+        weights = torch.zeros((len(states), 0), dtype=torch.float64)
+        path = self._compiled(self.on_grid(states), times, weights)[:, -1]
+        return self._system.grid.own(path).reshape(len(states), -1).numpy()
+
+    def on_grid(self, states: Array) -> torch.Tensor:
+        """Return states with the mirror images of the grid, ``(state, field, *grid)``."""
+        shape = (len(states), len(self._system.fields), *self._points)
+        return self._system.grid.ring(torch.from_numpy(states).reshape(shape))
+
+
+def points_of(system: System) -> tuple[int, ...]:
+    """Return the number of points along each axis, without mirror images."""
+    return tuple(system.grid.own(torch.zeros(system.grid.shape)).shape)

@@ -1,0 +1,1 @@
+"""Follow a stream of readings with the results of a finished run: ``dashred follow``."""

@@ -1,0 +1,80 @@
+"""What ``dashred follow`` says about its filter and its alarms, in plain words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from dashred.inference.streaming.calibration import Calibration
+from dashred.inference.streaming.tracker import Alarm
+
+
+def alarm_text(alarm: Alarm, names: Sequence[str], is_at_begin: bool) -> str:
+    """Return a sentence on an alarm.
+
+    Args:
+        alarm: the alarm.
+        names: of the sensors.
+        is_at_begin: whether the readings have never agreed with the filter.
+    """
+    named = _listed([names[index] for index in alarm.sensors])
+    when = f"at t = {alarm.time:g}, since t = {alarm.since:g}"
+    if alarm.kind == "ended":
+        return f"the alarm ends at t = {alarm.time:g}: {named or 'the readings'} as expected again"
+    if is_at_begin and alarm.kind in ("several", "only"):
+        return (
+            f"ALARM {when}: from the beginning the readings do not follow this system. Is this the "
+            "recording of another system, or in other units?"
+        )
+    if alarm.kind == "begun":
+        return f"ALARM {when}: {named or 'the sum of all sensors'} differs from the filter"
+    if alarm.kind == "sensor":
+        return (
+            f"ALARM {when}: {named} differs from what the other sensors say: this sensor alone "
+            "begins to fail. It is left out until it agrees again"
+        )
+    if alarm.kind == "only":
+        return (
+            f"ALARM {when}: {named} differs from the corrected simulator. With one sensor a fault "
+            "of the sensor and a change of the physics cannot be told apart"
+        )
+    who = f"{named} differ" if len(alarm.sensors) > 1 else f"{named or 'all sensors together'} and "
+    rest = "" if len(alarm.sensors) > 1 else "the sum of all differ"
+    return (
+        f"ALARM {when}: {who}{rest} from the corrected simulator, and no single sensor explains "
+        "it: the physics has changed"
+    )
+
+
+def calibration_text(calibration: Calibration, names: Sequence[str], members: int) -> list[str]:
+    """Return lines on the filter, and on what its innovations were in the recording."""
+    settings, white = calibration.filter.settings, calibration.innovations
+    radius = "" if math.isinf(settings.radius) else f"localisation radius {settings.radius:.3g}, "
+    lines = [
+        f"filter: {members} members, {radius}inflation {settings.inflation:g}, additive part "
+        f"{settings.additive:g}; chosen on the recording of the run"
+    ]
+    needed = np.flatnonzero(white.is_needed).tolist()
+    if needed:
+        shown = [
+            f"{names[i]} (mean {white.mean[i]:.2g}, standard deviation {white.std[i]:.3g}, "
+            f"correlation {white.correlation[i]:.2g})"
+            for i in needed
+        ]
+        lines.append(
+            f"in its {calibration.samples} samples the innovations of these sensors are not white "
+            f"noise of unit variance, and are whitened: {', '.join(shown)}"
+        )
+    else:
+        lines.append(
+            f"in its {calibration.samples} samples the innovations are white noise of unit variance"
+        )
+    return lines
+
+
+def _listed(names: Sequence[str]) -> str:
+    if len(names) < 2:
+        return "".join(names)
+    return f"{', '.join(names[:-1])} and {names[-1]}"
