@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -67,7 +67,7 @@ def _open(path: str) -> xr.Dataset:
         (check_folder if engine == "zarr" else check_hdf5)(path)
         # Arrays stay on disk until they are indexed; times are not decoded to dates. The metadata
         # of a few arrays need no copy in one place, which not every store has.
-        options = {"consolidated": False} if engine == "zarr" else {}
+        options: dict[str, Any] = {"consolidated": False} if engine == "zarr" else {}
         return xr.open_dataset(path, engine=engine, chunks=None, decode_times=False, **options)
 
 
