@@ -152,8 +152,8 @@ class Simulator:
             own, moved = without_padding(times[:, e]), moving[:, e]
             integrated = torch.cat([moved, moved.new_ones(others)])
             wanted, before = integrated[chosen], int(integrated[: chosen.start].sum())
-            columns = range(before, before + int(wanted.sum()))
-            samples = part.tangents(start[e], directions[moved, e], own, *shared, columns)
+            mine = range(before, before + int(wanted.sum()))
+            samples = part.tangents(start[e], directions[moved, e], own, *shared, mine)
             each.append(_blocks(_pad_samples(samples, len(times) - len(own)), wanted))
         for blocks in zip(*each, strict=True):
             states, columns = zip(*blocks, strict=True)

@@ -8,6 +8,7 @@ import os
 import signal
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -47,8 +48,9 @@ def arguments(system: System, amplitude: float = 0.2, seed: int = 3) -> tuple[ob
     return system, TIMES, prior, nominal, MEMBERS, random, np.random.default_rng(seed)
 
 
-def in_memory(system: System, **changed: float) -> Ensemble:
-    return draw_ensemble(*arguments(system, **changed))  # type: ignore[arg-type]
+def in_memory(system: System, **changed: Any) -> Ensemble:
+    given: Any = arguments(system, **changed)
+    return draw_ensemble(*given)
 
 
 def to_disk(
@@ -56,10 +58,10 @@ def to_disk(
     folder: Path,
     run: str = "run",
     progress: Callable[[float], None] | None = None,
-    **changed: float,
+    **changed: Any,
 ) -> Ensemble:
-    given = arguments(system, **changed)
-    return draw_ensemble_to_disk(*given, folder, run, progress)  # type: ignore[arg-type]
+    given: Any = arguments(system, **changed)
+    return draw_ensemble_to_disk(*given, folder=folder, run=run, progress=progress)
 
 
 def read(ensemble: Ensemble) -> Tensor:
@@ -128,7 +130,7 @@ def test_the_store_of_another_ensemble_is_replaced(
     calls = counted(monkeypatch)
     for changed in ({"run": "other code"}, {"seed": 4}, {"amplitude": 0.1}):
         calls.clear()
-        to_disk(reaction, tmp_path / "store", **changed)  # type: ignore[arg-type]
+        to_disk(reaction, tmp_path / "store", **changed)
         assert sum(calls) == 3 * MEMBERS
     (tmp_path / "store" / BATCHES).write_text("{broken")
     calls.clear()

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from torch import Tensor
 
 from dashred.config import load_config
 from dashred.pipeline.input.build_problem import build_problem
@@ -91,6 +92,7 @@ def test_the_corrected_run_uses_the_fitted_readings_alone(
 def test_the_ensemble_is_bounded_and_varied(runs: tuple[Problem, NominalRun]) -> None:
     problem, nominal = runs
     ensemble = simulate_nudged_ensemble(problem, nominal, {})
+    assert isinstance(ensemble.states, Tensor)
     assert ensemble.states.shape[:2] == (16, len(problem.split.fit.times))
     assert float(ensemble.states.abs().max()) < 4.0
     assert float(ensemble.states.std(dim=0).mean()) > NOISE

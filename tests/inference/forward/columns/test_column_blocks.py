@@ -15,6 +15,7 @@ from dashred.core.budget import Deadline, OutOfTimeError
 from dashred.core.cluster.calls import ClusterCalls, cluster_in_use
 from dashred.core.work import work_done
 from dashred.inference.forward.columns import column_blocks as module
+from dashred.inference.forward.columns.tangent_columns import TangentColumns
 from dashred.inference.forward.episodes import EpisodeStarts, stack_times
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.forward.forward_model import ForwardModel
@@ -115,13 +116,13 @@ def test_the_deadline_holds_on_workers(model, calls, monkeypatch) -> None:
 
 def test_blocks_depend_on_the_problem_alone(model, monkeypatch) -> None:
     seen: list[list[slice]] = []
-    compute = module.TangentColumns.at
+    compute = TangentColumns.at
 
     def spy(columns, point, blocks, deadline):
         seen.append(blocks)
         return compute(columns, point, blocks, deadline)
 
-    monkeypatch.setattr(module.TangentColumns, "at", spy)
+    monkeypatch.setattr(TangentColumns, "at", spy)
     columns = jacobian(model).shape[-1]
     size = COLUMN_POINTS // VALUES
     [blocks] = seen
@@ -132,16 +133,14 @@ def test_blocks_depend_on_the_problem_alone(model, monkeypatch) -> None:
 
 
 def test_a_small_jacobian_is_one_block(fine, monkeypatch) -> None:
-    monkeypatch.setattr(module.TangentColumns, "at", lambda *given: given[2])
+    monkeypatch.setattr(TangentColumns, "at", lambda *given: given[2])
     model = fine.forward_model(LawBlock([*fine.everything.values()]), TIMES)
     columns = module.compute_columns(_columns_of(model), None)  # type: ignore[arg-type]
     assert columns == [slice(0, model.modes + model.law.count)]
 
 
-def _columns_of(model: ForwardModel) -> module.TangentColumns:
-    return module.TangentColumns(
-        model.simulator, model.start, model.law, model.sensors, model.times, None
-    )
+def _columns_of(model: ForwardModel) -> TangentColumns:
+    return TangentColumns(model.simulator, model.start, model.law, model.sensors, model.times, None)
 
 
 def test_a_fit_without_a_cluster_does_not_import_dask(tmp_path: Path) -> None:
