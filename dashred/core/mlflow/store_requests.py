@@ -59,7 +59,7 @@ class Requests:
                 self._note_answer()
                 return answer
 
-    def attempt(self, request: Callable[[], None]) -> bool:
+    def attempt(self, request: Callable[[], object]) -> bool:
         """Send a request, which may be repeated later; return whether it was answered.
 
         Raises:
