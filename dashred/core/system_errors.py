@@ -54,7 +54,7 @@ def describe_system_error(error: BaseException) -> str | None:
     """Return a description of a system error with a hint, or None if the error is a bug."""
     if message := _package(error):
         return message
-    for cause in _causes(error):
+    for cause in causes(error):
         if isinstance(cause, ExternalServiceError):
             return str(cause)
         if message := _memory(cause) or _system(cause) or _database(cause):
@@ -72,7 +72,8 @@ def report_uncaught(
         sys.__excepthook__(kind, error, trace)
 
 
-def _causes(error: BaseException) -> Iterator[BaseException]:
+def causes(error: BaseException) -> Iterator[BaseException]:
+    """Yield an error, and the errors that it was raised from or after."""
     cause: BaseException | None = error
     seen: set[int] = set()
     while cause is not None and id(cause) not in seen:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
 
 from dashred.core.errors import InputError
+from dashred.core.system_errors import causes
 
 INSTALL = "pip install 'dashred[servers]'"
 # MLflow's names of the errors of a server, by status 503, and 500.
@@ -56,7 +56,7 @@ def is_outage(error: BaseException) -> bool:
 
     A server that refuses a request is no outage: it would refuse it again.
     """
-    return any(map(_is_outage, _causes(error)))
+    return any(map(_is_outage, causes(error)))
 
 
 def _is_outage(error: BaseException) -> bool:
@@ -94,12 +94,3 @@ def _is_outage_of_bucket(error: BaseException) -> bool:
     if isinstance(error, ClientError):
         return int(error.response.get("ResponseMetadata", {}).get("HTTPStatusCode", 0)) >= 500
     return isinstance(error, ConnectionError | HTTPClientError)
-
-
-def _causes(error: BaseException) -> Iterator[BaseException]:
-    cause: BaseException | None = error
-    seen: set[int] = set()
-    while cause is not None and id(cause) not in seen:
-        seen.add(id(cause))
-        yield cause
-        cause = cause.__cause__ or cause.__context__

@@ -430,7 +430,7 @@ def test_a_server_in_front_of_both_is_killed_and_started_again(
     url, address = f"http://127.0.0.1:{port}", postgres.new_database()
     changes = [("0.0.0.0", "127.0.0.1"), ("mlflow.example", "127.0.0.1"), ("5000", str(port))]
     changes += [("team@db.example/mlflow", address.removeprefix("postgresql://"))]
-    command = [sys.executable, "-m", *documented("--artifacts-destination", *changes)]
+    command = [sys.executable, "-m", *documented("s3://runs/served", *changes)]
     command += ["--workers", "1"]
     words = [*analysis[:2], f"tracking.root={url}", f"output={tmp_path / 'output'}"]
     with serving(command, url, tmp_path):
