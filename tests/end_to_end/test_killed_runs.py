@@ -13,7 +13,7 @@ import pytest
 
 from dashred.pipeline.run.run_manifest import read_pointer
 from tests.conftest import Ended, run_command
-from tests.killing import kill_when, start
+from tests.support.killing import kill_when, start
 
 # What the run prints when a stage ends, or the file that it has begun to write.
 PRINTED = (

@@ -63,7 +63,7 @@ def opening(root: str, artifacts: str | None) -> Iterator[MlflowClient]:
         if artifacts is not None and not connection.execute(TABLES).fetchone()[0]:
             from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore
 
-            SqlAlchemyStore(uri, artifacts)  # type: ignore[no-untyped-call]
+            SqlAlchemyStore(uri, artifacts)
         from mlflow import MlflowClient
 
         yield MlflowClient(tracking_uri=uri)

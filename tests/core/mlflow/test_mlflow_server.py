@@ -23,8 +23,8 @@ from dashred.core.mlflow.tracker import Tracker
 from dashred.pipeline.run.run_manifest import read_pointer
 from tests.conftest import CHECKOUT, Ended
 from tests.documents import snippets
-from tests.killing import kill_when, start
-from tests.servers import free_ports, wait_for_health
+from tests.support.killing import kill_when, start
+from tests.support.servers import free_ports, wait_for_health
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 CHROMIUM = next(filter(None, map(shutil.which, BROWSERS)), None)

@@ -25,8 +25,8 @@ from dashred.core.mlflow.tracker import Tracker
 from dashred.core.system_errors import ExternalServiceError
 from tests.conftest import CHECKOUT, Ended
 from tests.documents import snippets
-from tests.open_together import OPEN_TOGETHER
-from tests.servers import BUCKET, Bucket, Postgres, free_ports, wait_for_health
+from tests.support.open_together import OPEN_TOGETHER
+from tests.support.servers import BUCKET, Bucket, Postgres, free_ports, wait_for_health
 
 pytestmark = [
     pytest.mark.servers,

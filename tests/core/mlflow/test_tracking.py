@@ -19,7 +19,7 @@ from dashred.core.mlflow.metric_names import metric_name
 from dashred.core.mlflow.run import flatten
 from dashred.core.mlflow.tracker import Tracker
 from dashred.core.system_errors import ExternalServiceError
-from tests.open_together import OPEN_TOGETHER
+from tests.support.open_together import OPEN_TOGETHER
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from dashred.inference.initial_state.ensemble_filter import FilterLostError
 from dashred.inference.streaming.live_filter import LiveFilter, LiveSettings
 from dashred.inference.streaming.march import March
 from dashred.physics.solvers.simulate import simulate
-from tests import streams
+from tests.support import streams
 
 NO_LIMITS = np.full(2, np.inf)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests import streams
+from tests.support import streams
 
 
 def test_nothing_is_said_about_white_noise() -> None:

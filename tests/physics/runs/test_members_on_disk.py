@@ -60,8 +60,8 @@ def to_disk(
     progress: Callable[[float], None] | None = None,
     **changed: Any,
 ) -> Ensemble:
-    given: Any = arguments(system, **changed)
-    return draw_ensemble_to_disk(*given, folder=folder, run=run, progress=progress)
+    given: list[Any] = [*arguments(system, **changed), folder, run, progress]
+    return draw_ensemble_to_disk(*given)
 
 
 def read(ensemble: Ensemble) -> Tensor:

@@ -21,8 +21,8 @@ from dashred.data.io.reader import read_episodes
 from dashred.models.lag_windows import windows
 from dashred.models.shred import reconstruct
 from dashred.pipeline.follow import command
-from tests import finished, streams
 from tests.conftest import CHECKOUT
+from tests.support import finished, streams
 
 SECONDS = 300.0
 
@@ -70,7 +70,7 @@ def test_a_stream_gives_a_row_for_every_sample(run: Path, tmp_path: Path, capfd)
 
 
 def noise(samples: int, seed: int) -> np.ndarray:
-    """Return the noise of :func:`tests.streams.readings`."""
+    """Return the noise of :func:`tests.support.streams.readings`."""
     return streams.SIGMA * np.random.default_rng(seed).standard_normal((samples, 2))
 
 

@@ -1,4 +1,4 @@
-"""Folders of finished runs of the oscillator in :mod:`tests.streams`, made without an analysis."""
+"""Folders of finished runs of the oscillator in :mod:`tests.support.streams`, made without an analysis."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dashred.models.scaler import Scaler
 from dashred.models.shred import SHRED
 from dashred.pipeline.outputs.estimator_file import write_estimator
 from dashred.pipeline.outputs.field_files import write_estimates
-from tests import streams
+from tests.support import streams
 
 LAGS, SAMPLES = 4, 150
 

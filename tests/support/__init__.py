@@ -1,0 +1,1 @@
+"""What tests share: finished runs, servers, streams and processes that are killed."""
