@@ -1,4 +1,4 @@
-"""Folders of finished runs of the oscillator in :mod:`tests.support.streams`, made without an analysis."""
+"""Folders of finished runs of the oscillator in `tests.support.streams`, without an analysis."""
 
 from __future__ import annotations
 
