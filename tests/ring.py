@@ -15,6 +15,7 @@ from dashred.models.pod import POD
 from dashred.models.scaler import Scaler
 from dashred.models.shred import SHRED
 from dashred.physics.runs.ensemble import Ensemble
+from dashred.physics.runs.stored_states import States
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
 
@@ -66,8 +67,9 @@ def ensemble(system: System, members: int, seed: int = 0) -> Ensemble:
     return Ensemble(TIMES, states, torch.zeros(members, 0, dtype=torch.float64))
 
 
-def untrained(states: Tensor, operator: ObservationOperator, seed: int = 0) -> SHRED:
+def untrained(states: States, operator: ObservationOperator, seed: int = 0) -> SHRED:
     """Return a random SHRED in float64 with the scales of ``(member, time, field, x)``."""
+    assert isinstance(states, Tensor)
     torch.manual_seed(seed)
     pod = POD.fit(states.flatten(0, 1), 6)
     spread = pod.encode(states).flatten(0, 1).std(dim=0)

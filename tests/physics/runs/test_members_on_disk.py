@@ -8,6 +8,7 @@ import os
 import signal
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,7 +39,7 @@ def small_batches(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ensemble_store, "CHUNK_BYTES", 2 * state)
 
 
-def arguments(system: System, amplitude: float = 0.2, seed: int = 3) -> tuple[object, ...]:
+def arguments(system: System, amplitude: float = 0.2, seed: int = 3) -> tuple[Any, ...]:
     start = nominal_start(system)
     nominal = simulate(system, start, TIMES)[0]
     rms = nominal.transpose(0, 1).flatten(1).pow(2).mean(1).sqrt()
@@ -47,8 +48,8 @@ def arguments(system: System, amplitude: float = 0.2, seed: int = 3) -> tuple[ob
     return system, TIMES, prior, nominal, MEMBERS, random, np.random.default_rng(seed)
 
 
-def in_memory(system: System, **changed: float) -> Ensemble:
-    return draw_ensemble(*arguments(system, **changed))  # type: ignore[arg-type]
+def in_memory(system: System, **changed: Any) -> Ensemble:
+    return draw_ensemble(*arguments(system, **changed))
 
 
 def to_disk(
@@ -56,10 +57,11 @@ def to_disk(
     folder: Path,
     run: str = "run",
     progress: Callable[[float], None] | None = None,
-    **changed: float,
+    **changed: Any,
 ) -> Ensemble:
-    given = arguments(system, **changed)
-    return draw_ensemble_to_disk(*given, folder, run, progress)  # type: ignore[arg-type]
+    draw: Any = draw_ensemble_to_disk
+    found: Ensemble = draw(*arguments(system, **changed), folder, run, progress)
+    return found
 
 
 def read(ensemble: Ensemble) -> Tensor:
@@ -128,7 +130,7 @@ def test_the_store_of_another_ensemble_is_replaced(
     calls = counted(monkeypatch)
     for changed in ({"run": "other code"}, {"seed": 4}, {"amplitude": 0.1}):
         calls.clear()
-        to_disk(reaction, tmp_path / "store", **changed)  # type: ignore[arg-type]
+        to_disk(reaction, tmp_path / "store", **changed)
         assert sum(calls) == 3 * MEMBERS
     (tmp_path / "store" / BATCHES).write_text("{broken")
     calls.clear()

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -20,6 +22,8 @@ from dashred.inference.initial_state.first_guesses import (
 )
 from dashred.physics.runs import ensemble_store, members_on_disk, stored_states
 from dashred.physics.runs.stored_states import StoredStates
+from dashred.physics.solvers import simulate as solver
+from dashred.physics.system import System
 from dashred.physics.terms.library import resolve
 from dashred.pipeline.check.context import build_check_context
 from dashred.pipeline.check.memory import ensemble_memory_remarks
@@ -127,12 +131,12 @@ def test_the_training_data_are_those_of_an_ensemble_in_memory(
     assert plain.ensemble is not None and kept.ensemble is not None
     assert isinstance(plain.ensemble.states, Tensor)
     assert isinstance(kept.ensemble.states, StoredStates)
-    close = {"rtol": 1e-9, "atol": 1e-9}
-    torch.testing.assert_close(kept.ensemble.states[:, :], plain.ensemble.states, **close)
+    close = partial(torch.testing.assert_close, rtol=1e-9, atol=1e-9)
+    close(kept.ensemble.states[:, :], plain.ensemble.states)
     first, second = data_of(plain), data_of(kept)
     for name, value in first.pod.state_dict().items():
         torch.testing.assert_close(second.pod.state_dict()[name], value, rtol=1e-7, atol=1e-7)
-    torch.testing.assert_close(second.scaler.std, first.scaler.std, **close)
+    close(second.scaler.std, first.scaler.std)
     for loaders in ("train_dataloader", "val_dataloader"):
         pairs = zip(getattr(first, loaders)(), getattr(second, loaders)(), strict=True)
         for one, other in pairs:
@@ -191,9 +195,9 @@ def test_a_run_that_is_interrupted_keeps_its_ensemble_for_the_next(
     [batches] = (ended.output / ".ensembles").glob("ensemble 0/batches.json")
     assert sum(map(sum, json.loads(batches.read_text())["kept"])) == 24
     simulated = []
-    original = members_on_disk.simulate
+    original = solver.simulate
 
-    def counting(system, start, *given, **options):  # type: ignore[no-untyped-def]
+    def counting(system: System, start: Tensor, *given: Any, **options: Any) -> Tensor:
         simulated.append(len(start))
         return original(system, start, *given, **options)
 
@@ -252,7 +256,7 @@ def test_the_larger_ensemble_is_planned_beside_the_other(case: Path, tmp_path: P
 def test_a_check_tells_where_the_ensembles_are_kept(
     case: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    words = (f"conf={case}", f"output={tmp_path / 'output'}", "simulation.memory=4 GiB")
+    words = [f"conf={case}", f"output={tmp_path / 'output'}", "simulation.memory=4 GiB"]
     context = build_check_context(load_config(words, entry="check"))
     [remark] = ensemble_memory_remarks(context)
     assert "may take 4 GiB: the ensemble of 0.19 MiB is kept in memory" in remark.text
