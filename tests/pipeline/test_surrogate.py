@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import pytest
 import torch
@@ -15,7 +15,7 @@ from dashred.pipeline import surrogate
 def test_members_that_leave_the_range_are_drawn_nearer(failures: int, spreads: list[float]) -> None:
     asked: list[float] = []
 
-    def draw(_system: Any, _times: Any, starts: Any, *_: Any) -> str:
+    def draw(_system: Any, _times: Any, starts: Any, *_: Any) -> Any:
         asked.append(starts.factor)
         if len(asked) <= failures:
             raise InputError("hardly any simulation stays within bounds")
@@ -23,20 +23,20 @@ def test_members_that_leave_the_range_are_drawn_nearer(failures: int, spreads: l
 
     anything: Any = None
     path = torch.zeros(1)
-    draws: Any = draw
     found: Any = surrogate._members(
-        draws, anything, path, anything, 0.2, path, 8, anything, anything
+        cast(Any, draw), anything, path, anything, 0.2, path, 8, anything, anything
     )
     assert found == "members"
     assert asked == pytest.approx(spreads)
 
 
 def test_where_none_stays_in_it_the_reason_is_told() -> None:
-    def draw(*_: Any) -> None:
+    def draw(*_: Any) -> Any:
         raise InputError("hardly any simulation stays within bounds")
 
     anything: Any = None
     path = torch.zeros(1)
-    draws: Any = draw
     with pytest.raises(InputError, match="hardly any"):
-        surrogate._members(draws, anything, path, anything, 0.2, path, 8, anything, anything)
+        surrogate._members(
+            cast(Any, draw), anything, path, anything, 0.2, path, 8, anything, anything
+        )

@@ -39,7 +39,7 @@ def small_batches(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ensemble_store, "CHUNK_BYTES", 2 * state)
 
 
-def arguments(system: System, amplitude: float = 0.2, seed: int = 3) -> tuple[object, ...]:
+def arguments(system: System, amplitude: float = 0.2, seed: int = 3) -> tuple[Any, ...]:
     start = nominal_start(system)
     nominal = simulate(system, start, TIMES)[0]
     rms = nominal.transpose(0, 1).flatten(1).pow(2).mean(1).sqrt()
@@ -49,8 +49,7 @@ def arguments(system: System, amplitude: float = 0.2, seed: int = 3) -> tuple[ob
 
 
 def in_memory(system: System, **changed: Any) -> Ensemble:
-    given: Any = arguments(system, **changed)
-    return draw_ensemble(*given)
+    return draw_ensemble(*arguments(system, **changed))
 
 
 def to_disk(
@@ -60,8 +59,9 @@ def to_disk(
     progress: Callable[[float], None] | None = None,
     **changed: Any,
 ) -> Ensemble:
-    given: list[Any] = [*arguments(system, **changed), folder, run, progress]
-    return draw_ensemble_to_disk(*given)
+    draw: Any = draw_ensemble_to_disk
+    found: Ensemble = draw(*arguments(system, **changed), folder, run, progress)
+    return found
 
 
 def read(ensemble: Ensemble) -> Tensor:

@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -21,6 +22,8 @@ from dashred.inference.initial_state.first_guesses import (
 )
 from dashred.physics.runs import ensemble_store, members_on_disk, stored_states
 from dashred.physics.runs.stored_states import StoredStates
+from dashred.physics.solvers import simulate as solver
+from dashred.physics.system import System
 from dashred.physics.terms.library import resolve
 from dashred.pipeline.check.context import build_check_context
 from dashred.pipeline.check.memory import ensemble_memory_remarks
@@ -192,9 +195,9 @@ def test_a_run_that_is_interrupted_keeps_its_ensemble_for_the_next(
     [batches] = (ended.output / ".ensembles").glob("ensemble 0/batches.json")
     assert sum(map(sum, json.loads(batches.read_text())["kept"])) == 24
     simulated = []
-    original = vars(members_on_disk)["simulate"]
+    original = solver.simulate
 
-    def counting(system, start, *given, **options):
+    def counting(system: System, start: Tensor, *given: Any, **options: Any) -> Tensor:
         simulated.append(len(start))
         return original(system, start, *given, **options)
 
