@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 # Seconds in which a scheduler has to answer, and in which a worker of a batch system has to start.
 ANSWER_SECONDS, START_SECONDS = 10, 600
+# Size of the arguments of a call of which Dask warns.
+MOST_SENT = "4 GiB"
 
 
 @contextmanager
@@ -56,7 +58,13 @@ def connect(cluster: Cluster, environment: Mapping[str, str] | None = None) -> I
 
 
 def _silence() -> None:
-    """Leave the reports of lost connections, with their tracebacks, to the errors of the tasks."""
+    """Leave the reports of lost connections, with their tracebacks, to the errors of the tasks.
+
+    Dask also warns of large arguments. Those of :mod:`.kept_objects` are sent once.
+    """
+    import dask
+
+    dask.config.set({"distributed.admin.large-graph-warning-threshold": MOST_SENT})
     for name in logging.root.manager.loggerDict:
         if name.partition(".")[0] == "distributed":
             logging.getLogger(name).setLevel(logging.CRITICAL)

@@ -54,8 +54,8 @@ def watch_later_rounds(monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
     """Let no first round converge; return the unknowns at which later rounds begin."""
     beginnings: list[Tensor] = []
 
-    def unfinished(*given: Any) -> FitResult:
-        return replace(minimise(*given), converged=False)
+    def unfinished(*given: Any, **named: Any) -> FitResult:
+        return replace(minimise(*given, **named), converged=False)
 
     def watched(*given: Any) -> FitResult:
         beginnings.append(given[1])
@@ -105,11 +105,11 @@ def test_a_start_leads_to_a_minimum_if_there_is_no_barrier(begin: float, leads: 
 def test_starts_that_lead_to_the_same_minimum_are_not_fitted(
     waves: Waves, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    fits: list[int] = []
+    fits: list[FitResult] = []
 
-    def counted(*given: Any) -> FitResult:
-        fits.append(given[2])
-        return minimise(*given)
+    def counted(*given: Any, **named: Any) -> FitResult:
+        fits.append(minimise(*given, **named))
+        return fits[-1]
 
     right = fit_term(waves)
     monkeypatch.setattr(hypothesis_fit, "minimise", counted)

@@ -28,7 +28,7 @@ from dashred.physics.solvers.schedule import count_steps
 from dashred.physics.tangents.tangent_linear import columns_together
 
 # Columns times their steps and the values of a state from which a Jacobian is divided. On a core of
-# 2.5 GHz so many take about 0.7 s, and a call with its data takes a few hundredths of that.
+# an AMD EPYC so many took 0.7 s on a line. A call takes some hundredths of a second.
 LARGE = 2e7
 
 
