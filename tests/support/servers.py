@@ -25,7 +25,7 @@ from urllib.request import urlopen
 
 import pytest
 
-START_SECONDS, MLFLOW_SECONDS = 60, 90
+START_SECONDS, MLFLOW_SECONDS = 60, 300
 POSTGRES_USERS = ("postgres", "nobody")
 TEAM, DATABASE, BUCKET = "team", "mlflow", "runs"
 
