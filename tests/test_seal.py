@@ -270,7 +270,7 @@ def recorded(config):
 
 
 def test_no_member_of_the_ensemble_starts_where_the_truth_does(quick) -> None:
-    from dashred.physics.runs.ensemble import draw_ensemble
+    from dashred.physics.runs.ensemble import MemberSource, draw_ensemble
     from dashred.physics.runs.initial_state_prior import StartPrior, nominal_start
     from dashred.physics.solvers.simulate import simulate
 
@@ -282,7 +282,8 @@ def test_no_member_of_the_ensemble_starts_where_the_truth_does(quick) -> None:
         prior = StartPrior(system, nominal[0], rms, None)
         for stream in ([seed, *b"ensemble"], seed):
             rng = np.random.default_rng(stream)
-            drawn = draw_ensemble(system, times[:5], prior, nominal[:5], 64, None, rng)
+            source = MemberSource(system, times[:5], prior, nominal[:5], None, rng)
+            drawn = draw_ensemble(source, 64)
             spread = drawn.states[:, 0].std()
             distance = (drawn.states[:, 0] - states[0]).square().mean(dim=(1, 2)).sqrt()
             assert distance.min() > 0.05 * spread

@@ -6,8 +6,8 @@ See docs/method.md#corrected-surrogate.
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -21,9 +21,9 @@ from dashred.inference.results.corrected_system import build_corrected_system
 from dashred.models.latency import seconds_per_step
 from dashred.models.shred import reconstruct
 from dashred.models.surrogate_model import log_surrogate
-from dashred.physics.runs.ensemble import Ensemble
+from dashred.physics.runs.ensemble import Ensemble, MemberSource
 from dashred.physics.runs.initial_state_prior import StartPrior
-from dashred.physics.solvers.simulate import Progress, simulate
+from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.pipeline.networks.assimilation import sensor_data
 from dashred.pipeline.networks.training import TrainedNetwork, train_shred
@@ -107,19 +107,8 @@ def _corrected_ensemble(
             start_prior = StartPrior(system, starts[i], prior.rms, prior.kept)
             draw = drawing(problem, f"corrected ensemble {i}")
             try:
-                drawn.append(
-                    _members(
-                        draw,
-                        system,
-                        times,
-                        start_prior,
-                        settings.spread,
-                        path,
-                        members,
-                        rng,
-                        progress,
-                    )
-                )
+                source = MemberSource(system, times, start_prior, path, None, rng, progress)
+                drawn.append(_members(draw, source, settings.spread, members))
             except InputError:
                 report(1.0, "no member stays within bounds")
                 return None
@@ -147,25 +136,21 @@ def _ensemble_system(episode: Problem, law: Law, start: Tensor, times: Tensor) -
     return quick if stable else build_corrected_system(episode.system, law)
 
 
-def _members(
-    draw: Draw,
-    system: System,
-    times: Tensor,
-    prior: StartPrior,
-    spread: float,
-    path: Tensor,
-    members: int,
-    rng: np.random.Generator,
-    progress: Progress,
-) -> Ensemble:
+def _members(draw: Draw, source: MemberSource, spread: float, members: int) -> Ensemble:
     """Draw members around a start.
 
     If too few of them stay within the range of the corrected run, the spread is reduced.
+
+    Args:
+        draw: simulates them.
+        source: with the prior of the start.
+        spread: factor on the spread of the prior.
+        members: number of trajectories.
     """
 
     def scaled(factor: float) -> Ensemble:
-        starts = ScaledStart(prior, factor * spread)
-        return draw(system, times, starts, path, members, None, rng, progress)
+        starts = ScaledStart(source.prior, factor * spread)
+        return draw(replace(source, prior=starts), members)
 
     for factor in SPREAD_FACTORS:
         with suppress(InputError):

@@ -90,16 +90,36 @@ def term_scales(
     return rms[of_equation] / columns.clamp(min=1e-12)
 
 
-def draw_ensemble(
-    system: System,
-    times: Tensor,
-    prior: StartDistribution,
-    nominal: Tensor,
-    members: int,
-    discrepancies: Discrepancies | None,
-    rng: np.random.Generator,
-    progress: Progress | None = None,
-) -> Ensemble:
+@dataclass(frozen=True)
+class MemberSource:
+    """What the random members of an ensemble are drawn from.
+
+    Attributes:
+        system: the simulator.
+        times: output times, on the recording's clock.
+        prior: distribution of the initial states.
+        nominal: the nominal simulation, ``(time, field, *grid)``, for scales and ranges.
+        discrepancies: random model errors; None for a plain ensemble.
+        rng: random number generator.
+        progress: called with the fraction done of each round of simulations.
+    """
+
+    system: System
+    times: Tensor
+    prior: StartDistribution
+    nominal: Tensor
+    discrepancies: Discrepancies | None
+    rng: np.random.Generator
+    progress: Progress | None = None
+
+    def forcing(self, members: int) -> Forcing:
+        """Return random model errors of members; none without discrepancies."""
+        return draw_forcing(
+            self.system, self.nominal, self.discrepancies, members, self.rng, self.times
+        )
+
+
+def draw_ensemble(source: MemberSource, members: int) -> Ensemble:
     """Simulate random members that stay bounded.
 
     A member that blows up, or leaves the range of the nominal simulation and of its own start by
@@ -108,35 +128,29 @@ def draw_ensemble(
     them are enough.
 
     Args:
-        system: the simulator.
-        times: output times, on the recording's clock.
-        prior: distribution of the initial states.
-        nominal: the nominal simulation, ``(time, field, *grid)``, for scales and ranges.
+        source: what members are drawn from.
         members: number of trajectories.
-        discrepancies: random model errors; None for a plain ensemble.
-        rng: random number generator.
-        progress: called with the fraction done of each round of simulations.
 
     Raises:
         InputError: too few members stay bounded.
-        OutOfTimeError: raised by ``progress`` before there were enough members.
+        OutOfTimeError: raised by ``source.progress`` before there were enough members.
     """
-    found = MembersInMemory(system, times, prior, nominal, discrepancies, rng, progress)
-    draw_until_enough(found, members, system)
-    return Ensemble(times, torch.cat(found.states), torch.cat(found.coefficients))
+    found = MembersInMemory(source)
+    draw_until_enough(found, members, source.system)
+    return Ensemble(source.times, torch.cat(found.states), torch.cat(found.coefficients))
 
 
 @dataclass
 class MembersInMemory:
-    """Members (:class:`.rounds.Members`) in memory; attributes as in :func:`draw_ensemble`."""
+    """Members (:class:`.rounds.Members`) in memory.
 
-    system: System
-    times: Tensor
-    prior: StartDistribution
-    nominal: Tensor
-    discrepancies: Discrepancies | None
-    rng: np.random.Generator
-    progress: Progress | None
+    Attributes:
+        source: what members are drawn from.
+        states: of the members of each round, ``(member, time, field, *grid)``.
+        coefficients: of the members of each round, ``(member, term)``.
+    """
+
+    source: MemberSource
     states: list[Tensor] = field(default_factory=list)
     coefficients: list[Tensor] = field(default_factory=list)
 
@@ -147,44 +161,31 @@ class MembersInMemory:
 
     def draw(self, missing: int, rounds_left: float) -> None:
         """See :meth:`.rounds.Members.draw`."""
-        found, carried, inside = draw_round(
-            self.system,
-            self.times,
-            self.prior,
-            self.nominal,
-            missing,
-            self.discrepancies,
-            self.rng,
-            self.progress,
-            rounds_left,
-        )
+        found, carried, inside = draw_round(self.source, missing, rounds_left)
         self.states.append(found[inside])
         self.coefficients.append(carried[inside])
 
 
 def draw_round(
-    system: System,
-    times: Tensor,
-    prior: StartDistribution,
-    nominal: Tensor,
-    members: int,
-    discrepancies: Discrepancies | None,
-    rng: np.random.Generator,
-    progress: Progress | None = None,
-    rounds_left: float = 1.0,
+    source: MemberSource, members: int, rounds_left: float = 1.0
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Simulate random members once, bounded or not; arguments as in :func:`draw_ensemble`.
+    """Simulate random members once, bounded or not.
 
-    Many rounds are worth a compilation; ``rounds_left`` is their expected number.
+    Args:
+        source: what members are drawn from.
+        members: number of trajectories.
+        rounds_left: expected number of such rounds; many are worth a compilation.
 
     Returns:
         States ``(member, time, field, *grid)``, coefficients ``(member, term)``, and whether each
         member stays within bounds, ``(member,)``.
     """
-    starts = prior.draw(members, rng)
-    low, high = bounds(nominal, starts)
-    forcing = draw_forcing(system, nominal, discrepancies, members, rng, times)
-    found = simulate_members(system, starts, times, forcing, progress, rounds_left)
+    starts = source.prior.draw(members, source.rng)
+    low, high = bounds(source.nominal, starts)
+    forcing = source.forcing(members)
+    found = simulate_members(
+        source.system, starts, source.times, forcing, source.progress, rounds_left
+    )
     return found, forcing.coefficients, stays_inside(found, low, high)
 
 

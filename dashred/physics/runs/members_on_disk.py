@@ -10,25 +10,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from dashred.core.threads import thread_count
-from dashred.physics.runs.ensemble import (
-    Discrepancies,
-    Ensemble,
-    StartDistribution,
-    bounds,
-    draw_forcing,
-    stays_inside,
-)
+from dashred.physics.runs.ensemble import Ensemble, MemberSource, bounds, stays_inside
 from dashred.physics.runs.ensemble_store import EnsembleStore, samples_per_chunk
 from dashred.physics.runs.rounds import draw_until_enough
 from dashred.physics.runs.stored_states import StoredStates
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import Progress, simulate
-from dashred.physics.system import System
 
 # Bytes of the trajectories that are simulated together, and the number of their copies meanwhile.
 WORK_BYTES, COPIES = 2**29, 3
@@ -53,18 +44,7 @@ class BatchSize(NamedTuple):
         return cls(together, min(samples, max(2, chunk * max(1, chunks))))
 
 
-def draw_ensemble_to_disk(
-    system: System,
-    times: Tensor,
-    prior: StartDistribution,
-    nominal: Tensor,
-    members: int,
-    discrepancies: Discrepancies | None,
-    rng: np.random.Generator,
-    folder: Path,
-    run: str,
-    progress: Progress | None = None,
-) -> Ensemble:
+def draw_ensemble_to_disk(source: MemberSource, members: int, folder: Path, run: str) -> Ensemble:
     """Simulate the members of :func:`.ensemble.draw_ensemble` and write them to a Zarr store.
 
     Every trajectory is the same up to rounding errors. Adaptive methods choose their steps for a
@@ -72,30 +52,23 @@ def draw_ensemble_to_disk(
     batches of the same ensemble, they are not simulated again.
 
     Args:
-        system: see :func:`.ensemble.draw_ensemble`, like all that is not described here.
-        times: output times.
-        prior: distribution of the initial states.
-        nominal: the nominal simulation.
+        source: what members are drawn from.
         members: number of trajectories.
-        discrepancies: random model errors.
-        rng: random number generator.
         folder: of the store.
         run: text that tells the input and the code of this run from others.
-        progress: called with the fraction done.
 
     Raises:
         InputError: too few members stay bounded, or the disk has too little space.
         OutOfTimeError: see :func:`.ensemble.draw_ensemble`.
     """
-    state = 8 * math.prod(nominal.shape[1:])
-    size = BatchSize.of(members, len(times), state)
+    samples, state = len(source.times), source.nominal.shape[1:]
+    size = BatchSize.of(members, samples, 8 * math.prod(state))
     # The members of a batch that do not stay within bounds are overwritten by the next one.
-    shape = (members + size.members, len(times), *nominal.shape[1:])
-    identity = _identity(system, times, prior, nominal, members, discrepancies, rng, run, size)
-    store = EnsembleStore(folder, identity, shape)
-    found = MembersOnDisk(system, times, prior, nominal, discrepancies, rng, progress, store, size)
-    draw_until_enough(found, members, system)
-    return Ensemble(times, StoredStates(store, found.slots), torch.cat(found.coefficients))
+    shape = (members + size.members, samples, *state)
+    store = EnsembleStore(folder, _identity(source, members, run, size), shape)
+    found = MembersOnDisk(source, store, size)
+    draw_until_enough(found, members, source.system)
+    return Ensemble(source.times, StoredStates(store, found.slots), torch.cat(found.coefficients))
 
 
 @dataclass
@@ -103,22 +76,15 @@ class MembersOnDisk:
     """Members (:class:`.rounds.Members`) in a store.
 
     Attributes:
+        source: what members are drawn from.
         store: for the trajectories.
         size: of a batch.
         slots: place of each member in the store.
         coefficients: of the members of each batch, ``(member, term)``.
         done: number of batches.
-
-    The others are arguments of :func:`.ensemble.draw_ensemble`.
     """
 
-    system: System
-    times: Tensor
-    prior: StartDistribution
-    nominal: Tensor
-    discrepancies: Discrepancies | None
-    rng: np.random.Generator
-    progress: Progress | None
+    source: MemberSource
     store: EnsembleStore
     size: BatchSize
     slots: list[int] = field(default_factory=list)
@@ -132,10 +98,9 @@ class MembersOnDisk:
 
     def draw(self, missing: int, rounds_left: float) -> None:
         """See :meth:`.rounds.Members.draw`. All random numbers are drawn before the first batch."""
-        z = torch.from_numpy(self.rng.standard_normal((missing, self.prior.size)))
-        drawn = draw_forcing(
-            self.system, self.nominal, self.discrepancies, missing, self.rng, self.times
-        )
+        source = self.source
+        z = torch.from_numpy(source.rng.standard_normal((missing, source.prior.size)))
+        drawn = source.forcing(missing)
         for first in range(0, missing, self.size.members):
             rows = slice(first, min(first + self.size.members, missing))
             forcing = Forcing(drawn.terms, drawn.coefficients[rows])
@@ -157,8 +122,8 @@ class MembersOnDisk:
 
     def _progress_of(self, rows: slice, missing: int) -> Progress:
         def progress(done: float) -> None:
-            if self.progress is not None:
-                self.progress((rows.start + done * (rows.stop - rows.start)) / missing)
+            if self.source.progress is not None:
+                self.source.progress((rows.start + done * (rows.stop - rows.start)) / missing)
 
         return progress
 
@@ -166,8 +131,9 @@ class MembersOnDisk:
         self, z: Tensor, forcing: Forcing, slots: list[int], repeats: float, progress: Progress
     ) -> Tensor:
         """Simulate a batch and write it; return which members stay within bounds, ``(member,)``."""
-        states, times = self.prior.start(z), self.times
-        low, high = bounds(self.nominal, states)
+        source, times = self.source, self.source.times
+        states = source.prior.start(z)
+        low, high = bounds(source.nominal, states)
         rows = torch.arange(len(z))
         last = max(1, len(times) - 1)
         # Samples [first, end) are written together. The simulation starts from the sample before.
@@ -177,7 +143,7 @@ class MembersOnDisk:
             law = Forcing(forcing.terms, forcing.coefficients[rows])
             share = (end - 1 - before) / last
             found = simulate(
-                self.system,
+                source.system,
                 states,
                 clock,
                 law,
@@ -199,27 +165,17 @@ def _part_of(progress: Progress, begin: float, share: float) -> Callable[[float]
     return lambda done: progress(begin + share * done)
 
 
-def _identity(
-    system: System,
-    times: Tensor,
-    prior: StartDistribution,
-    nominal: Tensor,
-    members: int,
-    discrepancies: Discrepancies | None,
-    rng: np.random.Generator,
-    run: str,
-    size: BatchSize,
-) -> str:
+def _identity(source: MemberSource, members: int, run: str, size: BatchSize) -> str:
     """Return a text that differs if anything differs that determines the members."""
-    digest = hashlib.sha256()
-    for tensor in (times, prior.start(torch.ones((1, prior.size)).double()), nominal):
+    digest, system, prior = hashlib.sha256(), source.system, source.prior
+    for tensor in (source.times, prior.start(torch.ones((1, prior.size)).double()), source.nominal):
         digest.update(tensor.contiguous().numpy().data)
-    terms = None
-    if discrepancies is not None:
-        terms = [*map(str, discrepancies.library), discrepancies.terms, discrepancies.amplitude]
+    random, terms = source.discrepancies, None
+    if random is not None:
+        terms = [*map(str, random.library), random.terms, random.amplitude]
     described = [
         *map(str, (system.equations, system.config, system.dt)),
-        rng.bit_generator.state,
+        source.rng.bit_generator.state,
         terms,
         members,
         size,

@@ -6,25 +6,16 @@ An ensemble that would take too much is written to disk, and all that reads it r
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
-
-import numpy as np
-from torch import Tensor
 
 from dashred.config import Config
 from dashred.core.errors import InputError
 from dashred.core.stated.memory import machine_memory, memory_text, parse_memory
 from dashred.models.stored_pod import GROUP_BYTES
-from dashred.physics.runs.ensemble import (
-    Discrepancies,
-    Ensemble,
-    StartDistribution,
-    draw_ensemble,
-)
+from dashred.physics.runs.ensemble import Ensemble, MemberSource, draw_ensemble
 from dashred.physics.runs.initial_state_prior import fitted_modes
 from dashred.physics.runs.members_on_disk import WORK_BYTES, draw_ensemble_to_disk
-from dashred.physics.solvers.simulate import Progress
 from dashred.physics.system import System
 from dashred.pipeline.problem import Problem
 
@@ -41,6 +32,8 @@ RECORD_COPIES = 8
 START_COPIES = 2
 # Copies of the modes of a network, in float64: while they are orthogonalised, and as its weights.
 MODE_COPIES = 4
+# Simulates a number of random members.
+Draw = Callable[[MemberSource, int], Ensemble]
 
 
 @dataclass(frozen=True)
@@ -118,23 +111,6 @@ def plan_memory(
     return plan
 
 
-class Draw(Protocol):
-    """Simulates random members; see :func:`.physics.runs.ensemble.draw_ensemble`."""
-
-    def __call__(
-        self,
-        system: System,
-        times: Tensor,
-        prior: StartDistribution,
-        nominal: Tensor,
-        members: int,
-        discrepancies: Discrepancies | None,
-        rng: np.random.Generator,
-        progress: Progress | None = None,
-    ) -> Ensemble:
-        """Return the ensemble."""
-
-
 def memory_of(problem: Problem) -> MemoryPlan:
     """Return :func:`memory_of_run` of a recording."""
     episodes = (*problem.episodes, *problem.whole)
@@ -185,30 +161,10 @@ def drawing(problem: Problem, name: str) -> Draw:
     """
     if not memory_of(problem).is_on_disk:
         return draw_ensemble
+    scratch = problem.scratch
 
-    def draw(
-        system: System,
-        times: Tensor,
-        prior: StartDistribution,
-        nominal: Tensor,
-        members: int,
-        discrepancies: Discrepancies | None,
-        rng: np.random.Generator,
-        progress: Progress | None = None,
-    ) -> Ensemble:
-        scratch = problem.scratch
-        return draw_ensemble_to_disk(
-            system,
-            times,
-            prior,
-            nominal,
-            members,
-            discrepancies,
-            rng,
-            scratch.folder(name),
-            scratch.identity(),
-            progress,
-        )
+    def draw(source: MemberSource, members: int) -> Ensemble:
+        return draw_ensemble_to_disk(source, members, scratch.folder(name), scratch.identity())
 
     return draw
 

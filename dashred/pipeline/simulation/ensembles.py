@@ -10,7 +10,7 @@ from torch import Tensor
 from dashred.core.progress import stage
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import build_corrected_system
-from dashred.physics.runs.ensemble import Discrepancies, Ensemble
+from dashred.physics.runs.ensemble import Discrepancies, Ensemble, MemberSource
 from dashred.physics.runs.stored_states import JoinedReader, StoredStates
 from dashred.physics.solvers.simulate import simulate
 from dashred.pipeline.problem import Problem
@@ -50,14 +50,16 @@ def simulate_ensemble(problem: Problem, nominal: NominalRun, seconds: dict[str, 
     with stage("simulate the ensemble", seconds) as report:
         drawn = [
             drawing(problem, f"ensemble {i}")(
-                episode.ensemble_system,
-                times,
-                nominal.prior,
-                path[:count],
+                MemberSource(
+                    episode.ensemble_system,
+                    times,
+                    nominal.prior,
+                    path[:count],
+                    discrepancies,
+                    problem.rng(f"ensemble{suffix}"),
+                    within(problem.deadline("simulate the ensemble"), report),
+                ),
                 members,
-                discrepancies,
-                problem.rng(f"ensemble{suffix}"),
-                within(problem.deadline("simulate the ensemble"), report),
             )
             for i, ((episode, times, members, suffix), path) in enumerate(
                 zip(split_members(problem, settings.members), paths, strict=False)

@@ -9,7 +9,7 @@ import torch
 from dashred.core.budget import OutOfTimeError
 from dashred.core.errors import InputError
 from dashred.physics.runs import members
-from dashred.physics.runs.ensemble import Discrepancies, draw_ensemble, term_scales
+from dashred.physics.runs.ensemble import Discrepancies, MemberSource, draw_ensemble, term_scales
 from dashred.physics.runs.initial_state_prior import StartPrior, nominal_start
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
@@ -30,7 +30,7 @@ def draw(system, seed, members=12, **discrepancy):
     nominal, prior = setting(system)
     random = Discrepancies(build_library(system, None), **discrepancy) if discrepancy else None
     rng = np.random.default_rng(seed)
-    return draw_ensemble(system, TIMES, prior, nominal, members, random, rng)
+    return draw_ensemble(MemberSource(system, TIMES, prior, nominal, random, rng), members)
 
 
 @pytest.mark.parametrize("name", ["reaction", "oscillator"])
@@ -100,7 +100,8 @@ def test_when_the_time_is_up_half_of_the_members_are_enough(make_system):
                 raise OutOfTimeError
 
         rng = np.random.default_rng(5)
-        return draw_ensemble(system, TIMES, prior, nominal, 64, None, rng, progress)
+        source = MemberSource(system, TIMES, prior, nominal, None, rng, progress)
+        return draw_ensemble(source, 64)
 
     whole, cut = drawn(20), drawn(1)
     assert len(whole.states) == 64 > len(cut.states) >= 32
@@ -120,7 +121,7 @@ def test_members_that_are_lost_are_replaced_by_compiled_runs(make_system, monkey
 
     monkeypatch.setattr(members, "simulate", spy)
     rng = np.random.default_rng(5)
-    draw_ensemble(system, TIMES, prior, nominal, 64, None, rng)
+    draw_ensemble(MemberSource(system, TIMES, prior, nominal, None, rng), 64)
     assert repeats[0] == 1 and all(count > 1 for count in repeats[1:]) and len(repeats) > 1
 
 

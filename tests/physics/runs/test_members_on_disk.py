@@ -6,7 +6,6 @@ import json
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +16,12 @@ from torch import Tensor
 
 from dashred.core.errors import InputError
 from dashred.physics.runs import ensemble_store, members_on_disk
-from dashred.physics.runs.ensemble import Discrepancies, Ensemble, draw_ensemble
+from dashred.physics.runs.ensemble import Discrepancies, Ensemble, MemberSource, draw_ensemble
 from dashred.physics.runs.ensemble_store import BATCHES, STATES
 from dashred.physics.runs.initial_state_prior import StartPrior, nominal_start
 from dashred.physics.runs.members_on_disk import BatchSize, draw_ensemble_to_disk
 from dashred.physics.runs.stored_states import StoredStates
-from dashred.physics.solvers.simulate import simulate
+from dashred.physics.solvers.simulate import Progress, simulate
 from dashred.physics.system import System
 from dashred.physics.terms.library import build_library
 
@@ -39,29 +38,34 @@ def small_batches(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ensemble_store, "CHUNK_BYTES", 2 * state)
 
 
-def arguments(system: System, amplitude: float = 0.2, seed: int = 3) -> tuple[Any, ...]:
+def source_of(
+    system: System,
+    progress: Progress | None = None,
+    amplitude: float = 0.2,
+    seed: int = 3,
+) -> MemberSource:
     start = nominal_start(system)
     nominal = simulate(system, start, TIMES)[0]
     rms = nominal.transpose(0, 1).flatten(1).pow(2).mean(1).sqrt()
     prior = StartPrior(system, start[0], rms, 8)
     random = Discrepancies(build_library(system, None), 2, amplitude)
-    return system, TIMES, prior, nominal, MEMBERS, random, np.random.default_rng(seed)
+    return MemberSource(
+        system, TIMES, prior, nominal, random, np.random.default_rng(seed), progress
+    )
 
 
 def in_memory(system: System, **changed: Any) -> Ensemble:
-    return draw_ensemble(*arguments(system, **changed))
+    return draw_ensemble(source_of(system, **changed), MEMBERS)
 
 
 def to_disk(
     system: System,
     folder: Path,
     run: str = "run",
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
     **changed: Any,
 ) -> Ensemble:
-    draw: Any = draw_ensemble_to_disk
-    found: Ensemble = draw(*arguments(system, **changed), folder, run, progress)
-    return found
+    return draw_ensemble_to_disk(source_of(system, progress, **changed), MEMBERS, folder, run)
 
 
 def read(ensemble: Ensemble) -> Tensor:

@@ -21,6 +21,7 @@ from dashred.inference.initial_state.first_guesses import (
     first_guesses,
 )
 from dashred.physics.runs import ensemble_store, members_on_disk, stored_states
+from dashred.physics.runs.ensemble import Ensemble, MemberSource
 from dashred.physics.runs.stored_states import StoredStates
 from dashred.physics.solvers import simulate as solver
 from dashred.physics.system import System
@@ -168,9 +169,9 @@ def test_a_whole_run_keeps_its_ensembles_on_disk_and_removes_them(
 ) -> None:
     drawn = []
 
-    def noted(*given: object) -> object:
-        drawn.append(given[-3].name)  # type: ignore[attr-defined]
-        return members_on_disk.draw_ensemble_to_disk(*given)  # type: ignore[arg-type]
+    def noted(source: MemberSource, members: int, folder: Path, run: str) -> Ensemble:
+        drawn.append(folder.name)
+        return members_on_disk.draw_ensemble_to_disk(source, members, folder, run)
 
     monkeypatch.setattr(ensemble_memory, "draw_ensemble_to_disk", noted)
     ended = train(f"conf={case}", "tracking.model=false")

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from dashred.core.errors import InputError
-from dashred.physics.runs.ensemble import Discrepancies, draw_round
+from dashred.physics.runs.ensemble import Discrepancies, MemberSource, draw_round
 from dashred.pipeline.check.context import STREAM, CheckContext
 from dashred.pipeline.check.placeholders import zero_equations
 from dashred.pipeline.check.remark import Remark, warning
@@ -48,9 +48,10 @@ def ensemble_remarks(context: CheckContext, nominal: NominalRun) -> Iterator[Rem
         discrepancies = Discrepancies(context.library, settings.terms, settings.amplitude)
     times = nominal.times[: min(fitted, nominal.affordable_samples(SECONDS, BATCHED * MEMBERS))]
     states, rng = nominal.states[:fitted], np.random.default_rng([context.config.seed, STREAM])
+    source = MemberSource(stepped, times, nominal.prior, states, discrepancies, rng)
     tried = bounded = 0
     while tried < ROUNDS * MEMBERS and bounded < MEMBERS / 2:
-        *_, stay = draw_round(stepped, times, nominal.prior, states, MEMBERS, discrepancies, rng)
+        *_, stay = draw_round(source, MEMBERS)
         tried, bounded = tried + MEMBERS, bounded + int(stay.sum())
     text = f"{bounded} of {tried} members of the training ensemble stay within bounds"
     hint = "decrease system.spread or simulation.amplitude"
