@@ -46,7 +46,7 @@ def wrapped(inner: BaseException) -> BaseException:
         (FULL, ("/out/findings.json", "No space left", "free some space")),
         (OSError(errno.EROFS, "x"), ("Read-only file system", "output=DIR")),
         (PermissionError(errno.EACCES, "x", "/mlruns"), ("/mlruns", "Permission denied")),
-        (MemoryError(), ("not enough memory", "simulation.members")),
+        (MemoryError(), ("not enough memory", "simulation.memory")),
         (
             RuntimeError("DefaultCPUAllocator: can't allocate memory: 8 bytes"),
             ("not enough memory",),
