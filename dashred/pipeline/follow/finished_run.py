@@ -116,7 +116,7 @@ def read_run(folder: Path, trust: str | None = None) -> FinishedRun:
         values=recording.values,
         step=float(f"{np.median(steps):.12g}"),
         climate=_climate(folder, system),
-        shred=SHRED.from_weights(weights, tuple(system.grid.shape)).train(False).requires_grad_(False),
+        shred=SHRED.from_weights(weights, tuple(system.grid.shape)).requires_grad_(False),
         inputs=tuple(index for index, role in enumerate(roles) if role == INPUT),
         lags=int(dataset.attrs["lags"]),
     )
