@@ -26,6 +26,7 @@ from dashred.physics.runs.stored_states import StoredStates
 from dashred.physics.solvers import simulate as solver
 from dashred.physics.system import System
 from dashred.physics.terms.library import resolve
+from dashred.pipeline import equations
 from dashred.pipeline.check.context import build_check_context
 from dashred.pipeline.check.memory import ensemble_memory_remarks
 from dashred.pipeline.input.build_problem import build_problem
@@ -190,7 +191,7 @@ def test_a_run_that_is_interrupted_keeps_its_ensemble_for_the_next(
 
     words = (f"conf={case}", "tracking.model=false")
     with monkeypatch.context() as patch:
-        patch.setattr("dashred.pipeline.networks.training.train_shred", interrupted)
+        patch.setattr(equations.training, "train_shred", interrupted)
         ended = train(*words)
     assert ended.code == 130
     [batches] = (ended.output / ".ensembles").glob("ensemble 0/batches.json")
