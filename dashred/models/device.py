@@ -27,6 +27,7 @@ def check_device(config: Config) -> None:
             hint="choose device=cpu",
         )
     _check_count(config)
+    _check_precision(config)
     if process_count(config) is not None:
         _check_start(config)
 
@@ -43,6 +44,28 @@ def _check_count(config: Config) -> None:
             where=config.where("trainer.accelerator" if count == 0 else "trainer.devices"),
             hint="choose trainer.accelerator=cpu" if count == 0 else f"at most {count}",
         )
+
+
+def _check_precision(config: Config) -> None:
+    """Check that the networks can be trained in the configured precision."""
+    precision = config.trainer.precision
+    if precision == "bf16-mixed" and accelerator(config) == "cpu" and not trains_in_bfloat16():
+        raise InputError(
+            "this processor cannot train the networks in bfloat16",
+            where=config.where("trainer.precision"),
+            hint="choose trainer.precision=null",
+        )
+
+
+def trains_in_bfloat16() -> bool:
+    """Return whether the CPU has an LSTM in bfloat16; it needs AVX-512."""
+    lstm = torch.nn.LSTM(1, 1, batch_first=True)
+    try:
+        with torch.autocast("cpu", dtype=torch.bfloat16):
+            lstm(torch.zeros(1, 1, 1))
+    except RuntimeError:
+        return False
+    return True
 
 
 def _check_start(config: Config) -> None:

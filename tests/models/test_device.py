@@ -12,6 +12,7 @@ import torch
 
 from dashred.config import load_config
 from dashred.core.errors import InputError
+from dashred.models import device
 from dashred.models.device import check_device
 
 
@@ -28,6 +29,13 @@ def test_more_gpus_than_there_are(quick: Path, monkeypatch, there: int, hint: st
     error = refused(quick, "trainer.accelerator=gpu", "trainer.devices=2")
     assert error.what == f"this machine has {there} CUDA devices, but the networks need 2"
     assert hint in (error.hint or "")
+
+
+def test_a_processor_without_bfloat16(quick: Path, monkeypatch) -> None:
+    monkeypatch.setattr(device, "trains_in_bfloat16", lambda: False)
+    error = refused(quick, "trainer.precision=bf16-mixed")
+    assert error.what == "this processor cannot train the networks in bfloat16"
+    assert "precision=null" in (error.hint or "")
 
 
 def test_more_processes_than_cpus(quick: Path, monkeypatch) -> None:

@@ -42,7 +42,7 @@ def connect(cluster: Cluster, environment: Mapping[str, str] | None = None) -> I
     _silence()
     if cluster.kind == "address":
         try:
-            client = Client(cluster.address, timeout=ANSWER_SECONDS)
+            client = Client(cluster.address, timeout=ANSWER_SECONDS, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             hint = "start one with: dask scheduler"
             raise InputError(
@@ -53,7 +53,11 @@ def connect(cluster: Cluster, environment: Mapping[str, str] | None = None) -> I
         with client:
             yield _checked(client, cluster)
     else:
-        with _start(cluster, environment or {}) as started, Client(started) as client:
+        # As a default client, it would make xarray lock the files of the run on the scheduler.
+        with (
+            _start(cluster, environment or {}) as started,
+            Client(started, set_as_default=False) as client,
+        ):
             yield _checked(client, cluster)
 
 

@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from dashred.core.tracking import NullTracker
+from dashred.models.device import trains_in_bfloat16
 from dashred.pipeline.networks.assimilation import assimilate
 from tests.pipeline.networks.conftest import Configured
 from tests.pipeline.networks.fits import fit_networks
@@ -15,6 +16,7 @@ from tests.pipeline.networks.fits import fit_networks
 PRECISION = 2.0**-8
 
 
+@pytest.mark.skipif(not trains_in_bfloat16(), reason="needs a CPU with AVX-512")
 def test_shred_in_bfloat16_is_as_good_as_in_float32(configured: Configured) -> None:
     full = fit_networks(configured()).shred
     mixed = fit_networks(configured("trainer.precision=bf16-mixed")).shred

@@ -191,7 +191,7 @@ def test_a_run_that_is_interrupted_keeps_its_ensemble_for_the_next(
 
     words = (f"conf={case}", "tracking.model=false")
     with monkeypatch.context() as patch:
-        patch.setattr(equations.training, "train_shred", interrupted)
+        patch.setattr(vars(equations)["training"], "train_shred", interrupted)
         ended = train(*words)
     assert ended.code == 130
     [batches] = (ended.output / ".ensembles").glob("ensemble 0/batches.json")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import ExitStack
 from typing import Any
 
 from dashred.core.errors import InputError
@@ -26,6 +27,7 @@ class WebSocket:
         self.ended = False
         self._address, self._remarks = address, remarks
         self._retry_at = 0.0
+        self._opened = ExitStack()
         try:
             self._connection: Any = self._connect()
         except (OSError, self._errors()) as error:
@@ -35,7 +37,9 @@ class WebSocket:
     def _connect(self) -> Any:
         from websockets.sync.client import connect
 
-        return connect(self._address, open_timeout=CONNECT_SECONDS, proxy=None)
+        self._opened.close()
+        opened = connect(self._address, open_timeout=CONNECT_SECONDS, proxy=None)
+        return self._opened.enter_context(opened)
 
     @staticmethod
     def _errors() -> type[Exception]:
@@ -82,5 +86,4 @@ class WebSocket:
 
     def close(self) -> None:
         """End the connection."""
-        if self._connection is not None:
-            self._connection.close()
+        self._opened.close()
