@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 
 from dashred.core.errors import InputError
-from dashred.core.files.atomic import write_text_atomic
-from dashred.core.findings.findings import canonical
 from dashred.core.progress import CONSOLE
 from dashred.core.templates import render
+from dashred.evaluation.json_lines import write_rows_beside
 from dashred.evaluation.performance.arguments import Request
 from dashred.evaluation.performance.growth_tables import (
     exponents_table,
@@ -35,8 +33,7 @@ def write_document(request: Request) -> None:
     if not rows:
         hint = "give the same command again; what it printed above says why they failed"
         raise InputError("no row was measured", where=str(request.output), hint=hint)
-    lines = [json.dumps(canonical(row), sort_keys=True) for row in rows]
-    write_text_atomic(request.document.with_suffix(".jsonl"), "\n".join(lines) + "\n")
+    write_rows_beside(request.document, rows)
     write_between_marks(request.document, figures(rows))
     CONSOLE.print(f"Document: {request.document}", markup=False, soft_wrap=True)
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from statistics import median
 
 from dashred.core.errors import InputError
 from dashred.core.files.atomic import write_text_atomic
-from dashred.core.findings.findings import canonical
 from dashred.core.progress import CONSOLE
 from dashred.core.templates import render
+from dashred.evaluation.json_lines import write_rows_beside
 from dashred.evaluation.programs.arguments import Request
 from dashred.evaluation.programs.rows import Answer, Row, read_rows
 from dashred.evaluation.proof.scoring.statistics import Rate
@@ -30,8 +29,7 @@ def write_document(request: Request) -> None:
     if not rows:
         hint = "dashred evaluate programs run writes them"
         raise InputError("there are no rows", where=str(request.output), hint=hint)
-    lines = [json.dumps(canonical(row), sort_keys=True) for row in rows]
-    write_text_atomic(request.document.with_suffix(".jsonl"), "\n".join(lines) + "\n")
+    write_rows_beside(request.document, rows)
     write_text_atomic(request.document, document(rows))
     CONSOLE.print(f"Document: {request.document}", markup=False, soft_wrap=True)
 
