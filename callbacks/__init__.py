@@ -2,8 +2,16 @@
 
 from callbacks.best_state import BestState
 from callbacks.latent_discovery import LatentDiscovery
+from callbacks.law_regression import LawRegression
 from callbacks.progress import StageProgress
 from callbacks.rmse_curves import RMSECurves
 from callbacks.time_limit import TimeLimit
 
-__all__ = ["BestState", "LatentDiscovery", "RMSECurves", "StageProgress", "TimeLimit"]
+__all__ = [
+    "BestState",
+    "LatentDiscovery",
+    "LawRegression",
+    "RMSECurves",
+    "StageProgress",
+    "TimeLimit",
+]

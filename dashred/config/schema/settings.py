@@ -111,6 +111,12 @@ class Assimilation:
     gain: Annotated[float, Limit(at_least=0, below=1), Unit("the error before")]
     """Relative reduction of the validation error below which the transform is discarded."""
 
+    dynamics: bool
+    """Also fit the steps of the simulator between samples, with the law as an unknown."""
+
+    adapter: bool
+    """With dynamics: open an adapter of the decoder in the second half of the epochs."""
+
 
 @dataclass
 class LatentSindy:

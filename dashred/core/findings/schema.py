@@ -141,10 +141,14 @@ class LatentSindy(TypedDict):
 
 
 class Latent(TypedDict):
-    """Latent SINDy's proposals: Algorithm 1 and Algorithm 2 of the paper."""
+    """Latent SINDy's proposals: Algorithm 1 and Algorithm 2 of the paper.
+
+    `dynamics` holds the proposals of the assimilation with dynamics, if it ran.
+    """
 
     alg1: LatentSindy | None
     alg2: LatentSindy | None
+    dynamics: NotRequired[LatentSindy]
 
 
 class EpisodeSplit(TypedDict):

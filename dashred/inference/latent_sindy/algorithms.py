@@ -44,7 +44,7 @@ def compressed_search(
         base, moved = encoder.linearise(step.ends, step.forecast, moves)
         targets.append(encoder(step.ends, fields[step.ends]) - base)
         designs.append(moved / size[:, None])
-    return _blocks(targets, designs, size)
+    return stacked_blocks(targets, designs, size)
 
 
 def compressed_advancing(
@@ -86,10 +86,10 @@ def compressed_advancing(
         simulated = encoder(step.ends, step.forecast) - base
         targets.append(measured[step.ends] - measured[step.begins] - simulated)
         designs.append(moved / size[:, None])
-    return _blocks(targets, designs, size)
+    return stacked_blocks(targets, designs, size)
 
 
-def _blocks(targets: list[Tensor], designs: list[Tensor], size: Tensor) -> Blocks:
+def stacked_blocks(targets: list[Tensor], designs: list[Tensor], size: Tensor) -> Blocks:
     """Stack all step lengths, each in units of the rms of its target.
 
     The steps from one begin overlap. They form one block, which is left out and redrawn as a whole.

@@ -20,7 +20,8 @@ DENSE_FRACTION = 0.25
 class DenseForcing:
     """Evaluates every term on all trajectories, with common subexpressions computed once.
 
-    It returns the values of :class:`RowwiseForcing`, up to rounding.
+    It returns the values of :class:`RowwiseForcing`, up to rounding. Coefficients with one row are
+    those of all trajectories.
     """
 
     def __init__(self, forcing: Forcing, fields: tuple[str, ...], operators: Operators) -> None:
@@ -38,8 +39,8 @@ class DenseForcing:
         for equation, weight, value in zip(self.equations, self.weights, result, strict=True):
             points = torch.as_tensor(self.operators.on_grid(value)).to(weight)
             sums[equation] = torch.addcmul(sums[equation], weight, points)
-        shape = (len(self.weights[0]), *self.operators.grid.shape)
-        return [Value(each.expand(shape)) for each in sums]
+        whole = (len(self.weights[0]), *self.operators.grid.shape)
+        return [Value(each.expand(torch.broadcast_shapes(each.shape, whole))) for each in sums]
 
 
 ForcingEvaluator = RowwiseForcing | DenseForcing

@@ -25,6 +25,7 @@ from dashred.physics.black_box.snapshots import Snapshots
 from dashred.physics.runs.initial_state_prior import stated_start
 from dashred.physics.system import System
 from dashred.physics.terms.library import build_library
+from dashred.pipeline.input.dynamics_check import check_dynamics
 from dashred.pipeline.input.read_recorded import read_recorded
 from dashred.pipeline.input.readings_of_state import fitted_count, readings_of_state
 from dashred.pipeline.input.scratch_folder import scratch_of
@@ -42,7 +43,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
 
     Raises:
         InputError: the equations, the snapshots, the library, the recording or the split is
-            invalid.
+            invalid, or the simulator cannot be stepped inside of the assimilation.
     """
     budget = begin_budget(config)
     system = System(config.system, config.where, device=torch.device(config.device))
@@ -116,6 +117,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
         for episode, split in zip(sampled.episodes, splits, strict=True)
     ]
     _check_starts(problems)
+    check_dynamics(problems[0])
     longest = max(problems[:fitted], key=lambda problem: len(problem.split.fit.times))
     others = tuple(problem for problem in problems[:fitted] if problem is not longest)
     return replace(longest, others=others, whole=tuple(problems[fitted:]))

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
-import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import lightning
-import torch
 from lightning.pytorch.callbacks import EarlyStopping
 from torch import Tensor
 
-from callbacks import BestState, LatentDiscovery, RMSECurves, StageProgress, TimeLimit
+from callbacks import (
+    BestState,
+    LatentDiscovery,
+    LawRegression,
+    RMSECurves,
+    StageProgress,
+    TimeLimit,
+)
+from callbacks.law_regression import NAME
 from dashred.core.progress import stage
 from dashred.core.tracking import RunTracker
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
-from dashred.models.assimilation import AssimilatedEncoder, Assimilation
+from dashred.models.assimilation import AssimilatedEncoder
 from dashred.models.shred import SHRED, reconstruct
 from dashred.physics.runs.ensemble import term_scales
-from dashred.pipeline.networks.fitting import fitting
+from dashred.pipeline.networks.assimilation_plan import dynamic_plan, plain_plan
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.simulation.program_cost import follows_segments
@@ -104,52 +110,49 @@ def fit_transform(
     Returns:
         The result, and the encoder G_R: SHRED followed by the latent transform.
     """
-    settings, split = problem.config.assimilation, problem.split
+    settings, deadline = problem.config.assimilation, problem.deadline("assimilate")
     data = sensor_data(problem)
     lightning.seed_everything(problem.config.seed + 1, verbose=False)
-    module = Assimilation(
-        copy.deepcopy(shred),
-        problem.operator(split.fit),
-        problem.operator(split.validation),
-        problem.noise_of(split.fit.names),
-        (
-            torch.from_numpy(split.fit.trace_scale()),
-            torch.from_numpy(split.validation.trace_scale()),
-        ),
-        settings.width,
-        settings.penalty,
-        settings.rate,
-        settings.encoder_rate,
-    )
+    if settings.dynamics:
+        plan = dynamic_plan(problem, latent, shred, data, deadline)
+    else:
+        plan = plain_plan(problem, shred, data)
+    module, place = plan.module, plan.place
     before = reconstruct(shred.encode, shred, data.windows)
     with run.child("assimilate") as child, stage("assimilate, latent SINDy", seconds) as report:
         child.log_terms([str(term) for term in problem.library])
-        place = fitting(problem.config)
         logs = place.accept(child.log_metrics), place.accept(run.log_metrics)
         curves, discovery = RMSECurves(*logs, "assimilate"), LatentDiscovery(latent, *logs)
-        best, limit = BestState(METRIC, settings.gain), TimeLimit(problem.deadline("assimilate"))
+        best, limit = BestState(METRIC, settings.gain), TimeLimit(deadline)
         # Latent SINDy simulates in every epoch.
         proposes = not follows_segments(problem)
+        stepped = replace(latent, system=problem.ensemble_system)
+        law = LawRegression(stepped, *logs) if settings.dynamics else None
         place.fit(
             module,
-            data,
+            plan.data,
             [
                 curves,
                 best,
                 limit,
                 *([discovery] if proposes else []),
+                *([] if law is None else [law]),
                 EarlyStopping(METRIC, patience=settings.patience),
                 StageProgress(place.accept(report), METRIC, "RMSE on validation sensors"),
             ],
-            max_epochs=settings.epochs,
+            max_epochs=plan.epochs,
         )
         module = module.cpu()
         proposals = discovery.finish(module) if proposes else {}
+        coefficients = dict(discovery.history)
+        if law is not None:
+            proposals[NAME] = law.finish(module, discovery.epochs[-1])
+            coefficients[NAME] = law.history
         report(1.0, f"best after {best.best_epoch} epochs, RMSE {best.best:.3f} on validation")
     if not proposes:
         problem.budget.leave_out("latent SINDy")
     if limit.ended_at is not None:
-        left_out = f"epochs {limit.ended_at + 1} to {settings.epochs} of the assimilation"
+        left_out = f"epochs {limit.ended_at + 1} to {plan.epochs} of the assimilation"
         problem.budget.leave_out(left_out)
     after = reconstruct(module.encoder, module.shred, data.windows)
     counts = [len(episode.split.fit.times) for episode in problem.episodes]
@@ -160,7 +163,7 @@ def fit_transform(
         best.best_epoch,
         proposals,
         discovery.epochs,
-        discovery.history,
+        coefficients,
         curves.history,
         tuple(others),
     )

@@ -13,7 +13,8 @@ from lightning.pytorch.callbacks import Callback
 from torch.multiprocessing.spawn import ProcessExitedException, ProcessRaisedException
 
 from dashred.config import Config
-from dashred.config.network_devices import accelerator, process_count
+from dashred.config.network_devices import accelerator as accelerator_of
+from dashred.config.network_devices import process_count
 from dashred.core.errors import InputError
 from dashred.pipeline.networks.remote_calls import Function, RemoteCalls
 from dashred.pipeline.networks.worker import Worker
@@ -51,10 +52,15 @@ def fitting(config: Config) -> Fitting:
 
 
 class FitHere:
-    """A fit in the process of the analysis, on one device."""
+    """A fit in the process of the analysis, on one device.
 
-    def __init__(self, config: Config) -> None:
-        self.config = config
+    Args:
+        config: of the analysis.
+        accelerator: ``cpu`` or ``gpu``; None takes that of the configuration.
+    """
+
+    def __init__(self, config: Config, accelerator: str | None = None) -> None:
+        self.config, self.accelerator = config, accelerator or accelerator_of(config)
 
     def accept(self, function: Function) -> Function:
         """Return the function as it is."""
@@ -69,8 +75,9 @@ class FitHere:
     ) -> None:
         """Fit the network; see :class:`Fitting`."""
         index = self.config.device.partition(":")[2]
-        devices = [int(index or 0)] if accelerator(self.config) == "gpu" else 1
-        _trainer(self.config, devices=devices, callbacks=callbacks, **settings).fit(module, data)
+        devices = [int(index or 0)] if self.accelerator == "gpu" else 1
+        trainer = _trainer(self.accelerator, devices=devices, callbacks=callbacks, **settings)
+        trainer.fit(module, data)
 
 
 class FitInProcesses:
@@ -106,7 +113,7 @@ class FitInProcesses:
 
         worker = Worker(self.config.threads, callbacks, self.accept(load))
         trainer = _trainer(
-            self.config,
+            accelerator_of(self.config),
             devices=process_count(self.config),
             strategy="ddp_spawn",
             # Lightning starts the processes, also where SLURM or torchrun started this one.
@@ -148,10 +155,10 @@ class FitInProcesses:
             raise self.calls.error
 
 
-def _trainer(config: Config, **settings: Any) -> Trainer:
+def _trainer(accelerator: str, **settings: Any) -> Trainer:
     """Return a trainer that logs through its callbacks only."""
     return Trainer(
-        accelerator=accelerator(config),
+        accelerator=accelerator,
         num_sanity_val_steps=-1,
         logger=False,
         enable_checkpointing=False,

@@ -20,7 +20,7 @@ from dashred.reporting.figures.save import (
     learning_curves,
 )
 
-TITLES = {"alg1": "Algorithm 1", "alg2": "Algorithm 2"}
+TITLES = {"alg1": "Algorithm 1", "alg2": "Algorithm 2", "dynamics": "With dynamics"}
 
 
 def draw_coefficients(problem: Problem, assimilated: AssimilationResult) -> Figure:
@@ -28,6 +28,7 @@ def draw_coefficients(problem: Problem, assimilated: AssimilationResult) -> Figu
     panels = {
         title: nonzero_coefficients(problem.library, np.array(assimilated.coefficients[name]))
         for name, title in TITLES.items()
+        if name in assimilated.coefficients
     }
     title = "Coefficients that latent SINDy proposes, by epoch of assimilation"
     return coefficients_against_epoch(np.array(assimilated.epochs), panels, title)

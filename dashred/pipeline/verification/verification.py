@@ -105,6 +105,8 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     # An expensive program leaves no time for them.
     nothing = LatentSindy(proposals=[], rmse_path=[])
     latent = Latent(alg1=proposed.get("alg1", nothing), alg2=proposed.get("alg2", nothing))
+    if "dynamics" in proposed:
+        latent["dynamics"] = proposed["dynamics"]
     count = len(problem.split.fit.times)
     if kind == "not-converged":
         blame_budget(causes[0], problem.budget)

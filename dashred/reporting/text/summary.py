@@ -13,7 +13,11 @@ if TYPE_CHECKING:
 
 # In the order in which a reader should meet them.
 METHODS = (*AT_SENSORS, "corrected_shred")
-ALGORITHMS = {"alg1": "Algorithm 1", "alg2": "Algorithm 2"}
+ALGORITHMS = {
+    "alg1": "Algorithm 1",
+    "alg2": "Algorithm 2",
+    "dynamics": "Assimilation with dynamics",
+}
 MOST_TERMS = 5
 
 

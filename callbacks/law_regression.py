@@ -1,0 +1,99 @@
+"""Callback that chooses the law of an assimilation with dynamics at the end of each epoch."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from lightning import Callback, LightningModule, Trainer
+from torch import Tensor
+
+from dashred.core.mlflow.metric_names import metric_name
+from dashred.core.tracking import Log
+from dashred.inference.latent_sindy.field_regression import field_regression
+from dashred.inference.latent_sindy.latent_sindy import LatentProblem
+from dashred.inference.latent_sindy.sparse_regression import SparseFit, sparse_fit
+from dashred.inference.latent_sindy.step_sensitivities import SimulatorSteps
+from dashred.models.dynamic_assimilation import DynamicAssimilation
+from dashred.models.shred import reconstruct
+
+NAME = "dynamics"
+# Columns that a regression may simulate, in values of the state.
+MOST_VALUES = 2**19
+
+
+class LawRegression(Callback):
+    """Sparse regression of the simulator's errors along the assimilated field.
+
+    It sets the support of the law that the network learns, and the initial values of its
+    coefficients. A term that the next regression does not choose is left out again.
+
+    Attributes:
+        history: coefficients ``(term,)`` by epoch; those of the epochs that latent SINDy logs.
+
+    Args:
+        problem: what latent SINDy solves.
+        child: log of the nested run, which gets all points.
+        parent: log of the run of the command, which gets the final ones.
+    """
+
+    def __init__(self, problem: LatentProblem, child: Log, parent: Log) -> None:
+        self.problem, self.child, self.parent = problem, child, parent
+        self.history: list[list[float]] = []
+        self._steps = SimulatorSteps(problem.system, problem.library, problem.scales)
+
+    def state_dict(self) -> dict[str, Any]:
+        """Return the history."""
+        return {"history": self.history}
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        """Take it from a fit in other processes."""
+        self.history = state_dict["history"]
+
+    def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
+        """Choose the law of the next epoch."""
+        assert isinstance(pl_module, DynamicAssimilation)
+        found = self._regress(pl_module, bootstraps=0)
+        pl_module.dynamics.set_law(torch.from_numpy(found.coefficients))
+        epoch = trainer.current_epoch + 1
+        if epoch % self.problem.settings.every == 0:
+            self.child(self._note(found), epoch)
+
+    def finish(self, module: DynamicAssimilation, epoch: int) -> SparseFit:
+        """Return the proposal for the final state.
+
+        Args:
+            module: the assimilation, with its best state.
+            epoch: number of the last point of the curves.
+        """
+        final = self._regress(module, self.problem.settings.bootstraps)
+        metrics = self._note(final)
+        self.child(metrics, epoch)
+        self.parent(metrics, epoch)
+        return final
+
+    def _regress(self, module: DynamicAssimilation, bootstraps: int) -> SparseFit:
+        problem = self.problem
+        fields = _fields(module, problem.windows)
+        affordable = MOST_VALUES // (fields[0].numel() * len(problem.library))
+        begins = problem.begins(max(problem.settings.begins, affordable))
+        steps = self._steps.forecasts(fields, problem.times, begins, problem.strides)
+        columns = self._steps.columns(fields, problem.times, steps)
+        modes = problem.windows.shape[-1]
+        blocks = field_regression(module.shred.pod, modes, fields, steps, columns, problem.scales)
+        rng = np.random.default_rng([problem.seed, 0xD1A])
+        return sparse_fit(blocks, problem.settings.threshold, bootstraps, rng)
+
+    def _note(self, found: SparseFit) -> dict[str, float]:
+        """Add a point to the history and return it as metrics."""
+        self.history.append(found.coefficients.tolist())
+        return {
+            metric_name(NAME, term.equation, str(term)): float(value)
+            for term, value in zip(self.problem.library, found.coefficients, strict=True)
+            if value != 0.0
+        }
+
+
+def _fields(module: DynamicAssimilation, windows: Tensor) -> Tensor:
+    return reconstruct(module.encoder, module.shred, windows.to(module.device)).cpu()

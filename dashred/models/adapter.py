@@ -1,0 +1,39 @@
+"""An adapter beside the frozen decoder, for fields that lie outside of its range."""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+
+class AdaptedDecoder(nn.Module):
+    """``F(h) + A(h)``: the frozen decoder F, and a small network A initialised to zero.
+
+    F has learnt the fields of a simulator. A real field may have coefficients that F gives for no
+    latent state, although the POD basis contains it (Bao & Kutz 2025, §6, name the basis as a limit
+    of the method). A can reach every combination of POD modes.
+
+    Args:
+        frozen: F, from latent states to POD coefficients in units of their std.
+        latent: size of a latent state.
+        width: hidden units of A.
+        modes: number of POD coefficients.
+    """
+
+    def __init__(self, frozen: nn.Module, latent: int, width: int, modes: int) -> None:
+        super().__init__()
+        last = nn.Linear(width, modes)
+        nn.init.zeros_(last.weight)
+        nn.init.zeros_(last.bias)
+        self.frozen = frozen
+        self.adapter = nn.Sequential(nn.Linear(latent, width), nn.Tanh(), last)
+        self.adapter.requires_grad_(False)
+
+    def open(self) -> None:
+        """Let A be trained from now on."""
+        self.adapter.requires_grad_(True)
+
+    def forward(self, latent: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch mode"]:
+        """Return ``F(h) + A(h)``."""
+        return torch.add(self.frozen(latent), self.adapter(latent))

@@ -1,0 +1,108 @@
+"""What an assimilation fits: the module, its data, and where; with and without dynamics."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from lightning import LightningDataModule
+
+from dashred.core.budget import Deadline
+from dashred.inference.latent_sindy.latent_sindy import LatentProblem
+from dashred.models.assimilation import Assimilation
+from dashred.models.dynamic_assimilation import DynamicAssimilation
+from dashred.models.sampled_dynamics import EpisodeSteps, SampledDynamics
+from dashred.models.shred import SHRED
+from dashred.physics.solvers.sample_step import SampleStep
+from dashred.physics.terms.library import resolve
+from dashred.pipeline.networks.fitting import FitHere, Fitting, fitting
+from dashred.pipeline.problem import Problem
+from datamodules import RecordingDataModule, WholeRecordingDataModule
+
+# Epochs with dynamics, each a fit by L-BFGS, and the first one in which the adapter is open.
+DYNAMIC_EPOCHS, ADAPTER_EPOCH = 6, 3
+
+
+@dataclass(frozen=True)
+class AssimilationPlan:
+    """What is fitted, and where.
+
+    Attributes:
+        module: the second LightningModule.
+        data: its data.
+        place: where it is fitted.
+        epochs: largest number of epochs.
+    """
+
+    module: Assimilation
+    data: LightningDataModule
+    place: Fitting
+    epochs: int
+
+
+def plain_plan(problem: Problem, shred: SHRED, data: RecordingDataModule) -> AssimilationPlan:
+    """Return the assimilation of the paper: the sensors alone decide."""
+    settings = problem.config.assimilation
+    module = Assimilation(
+        **_networks(problem, shred), rate=settings.rate, encoder_rate=settings.encoder_rate
+    )
+    return AssimilationPlan(module, data, fitting(problem.config), settings.epochs)
+
+
+def dynamic_plan(
+    problem: Problem,
+    latent: LatentProblem,
+    shred: SHRED,
+    data: RecordingDataModule,
+    deadline: Deadline,
+) -> AssimilationPlan:
+    """Return the assimilation with dynamics. It is fitted in this process, on the CPU.
+
+    Args:
+        problem: settings and recording.
+        latent: problem of latent SINDy, for the scales of the terms.
+        shred: network trained on the simulation; it is not changed.
+        data: the recording.
+        deadline: when the fit ends.
+    """
+    system = problem.ensemble_system
+    episodes, first = [], 0
+    for episode in problem.episodes:
+        times = torch.as_tensor(episode.split.fit.times, dtype=torch.float64)
+        step = SampleStep(episode.ensemble_system, float(times.diff().max()))
+        episodes.append(EpisodeSteps(step, times, first))
+        first += len(times)
+    dynamics = SampledDynamics(
+        episodes,
+        resolve(system, latent.library),
+        latent.scales,
+        shred.pod.scale,
+        shred.pod.modes.shape[1],
+    )
+    module = DynamicAssimilation(
+        **_networks(problem, shred),
+        dynamics=dynamics,
+        adapter_epoch=ADAPTER_EPOCH if problem.config.assimilation.adapter else None,
+        is_over=lambda: deadline.is_over,
+    )
+    place = FitHere(problem.config, "cpu")
+    return AssimilationPlan(module, WholeRecordingDataModule(data), place, DYNAMIC_EPOCHS)
+
+
+def _networks(problem: Problem, shred: SHRED) -> dict[str, Any]:
+    """Return the arguments of both modules."""
+    settings, split = problem.config.assimilation, problem.split
+    return {
+        "shred": copy.deepcopy(shred),
+        "fit_operator": problem.operator(split.fit),
+        "validation_operator": problem.operator(split.validation),
+        "noise": problem.noise_of(split.fit.names),
+        "scales": (
+            torch.from_numpy(split.fit.trace_scale()),
+            torch.from_numpy(split.validation.trace_scale()),
+        ),
+        "width": settings.width,
+        "penalty": settings.penalty,
+    }
