@@ -21,14 +21,16 @@ class BestState(Callback):
         monitor: metric to minimise.
         gain: relative improvement over the initial state that is needed to replace it, because a
             metric over few sensors can decrease by chance.
+        floor: value that the metric has by noise alone. States at or below it are equally good,
+            and the latest of them is taken.
 
     Attributes:
-        best: lowest value of the metric.
+        best: lowest value of the metric, not below the floor.
         best_epoch: number of epochs trained until then; 0 is the initial state.
     """
 
-    def __init__(self, monitor: str, gain: float = 0.0) -> None:
-        self.monitor, self.gain = monitor, gain
+    def __init__(self, monitor: str, gain: float = 0.0, floor: float = 0.0) -> None:
+        self.monitor, self.gain, self.floor = monitor, gain, floor
         self.best, self.best_epoch, self.required = math.inf, 0, math.inf
         self._state: dict[str, Tensor] = {}
 
@@ -43,12 +45,15 @@ class BestState(Callback):
     def on_validation_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Copy the weights if they are the best so far."""
         value = trainer.callback_metrics.get(self.monitor)
-        if value is not None and float(value) < min(self.best, self.required):
+        if value is not None and self._is_better(float(value)):
             if not self._state:
                 self.required = (1 - self.gain) * float(value)
-            self.best = float(value)
+            self.best = max(float(value), self.floor)
             self.best_epoch = 0 if trainer.sanity_checking else trainer.current_epoch + 1
             self._state = copy.deepcopy(pl_module.state_dict())
+
+    def _is_better(self, value: float) -> bool:
+        return value <= self.floor or value < min(self.best, self.required)
 
     def on_fit_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Restore the best weights."""

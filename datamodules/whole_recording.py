@@ -9,7 +9,7 @@ from datamodules.recording import RecordingDataModule
 
 
 class WholeRecordingDataModule(LightningDataModule):
-    """All windows and fit targets of a recording in one batch, in order of time.
+    """All windows and targets of a recording in one batch, in order of time.
 
     Args:
         source: the recording.
@@ -24,5 +24,7 @@ class WholeRecordingDataModule(LightningDataModule):
         return ordered_batches((self.source.windows, self.source.fitted), len(self.source.windows))
 
     def val_dataloader(self) -> Batches:
-        """Return (windows, fitted values, validated values), as the source does."""
-        return self.source.val_dataloader()
+        """Return (windows, fitted values, validated values) of all samples."""
+        source = self.source
+        tensors = source.windows, source.fitted, source.validated.float()
+        return ordered_batches(tensors, len(source.windows))

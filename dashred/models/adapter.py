@@ -6,6 +6,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from dashred.models.whitening import Whitening
+
 
 class AdaptedDecoder(nn.Module):
     """``F(h) + A(h)``: the frozen decoder F, and a small network A initialised to zero.
@@ -16,23 +18,19 @@ class AdaptedDecoder(nn.Module):
 
     Args:
         frozen: F, from latent states to POD coefficients in units of their std.
-        latent: size of a latent state.
+        whitening: of the latent states that A reads.
         width: hidden units of A.
         modes: number of POD coefficients.
     """
 
-    def __init__(self, frozen: nn.Module, latent: int, width: int, modes: int) -> None:
+    def __init__(self, frozen: nn.Module, whitening: Whitening, width: int, modes: int) -> None:
         super().__init__()
         last = nn.Linear(width, modes)
         nn.init.zeros_(last.weight)
         nn.init.zeros_(last.bias)
         self.frozen = frozen
-        self.adapter = nn.Sequential(nn.Linear(latent, width), nn.Tanh(), last)
-        self.adapter.requires_grad_(False)
-
-    def open(self) -> None:
-        """Let A be trained from now on."""
-        self.adapter.requires_grad_(True)
+        first = nn.Linear(len(whitening.mean), width)
+        self.adapter = nn.Sequential(whitening, first, nn.Tanh(), last)
 
     def forward(self, latent: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch mode"]:
         """Return ``F(h) + A(h)``."""

@@ -113,9 +113,20 @@ class Assimilation(LightningModule):
             "validate": (validated, self.validation_operator, self.validation_scale),
         }
         for name, (values, operator, scale) in pairs.items():
-            innovation = _innovation(values, operator(field)) / scale
-            known = int((~innovation.isnan()).sum())
-            log_squares(self, f"sensors_{name}", _mean_square(innovation), known)
+            self.log_innovation(name, values, operator(field), scale)
+
+    def log_innovation(self, name: str, values: Tensor, read: Tensor, scale: Tensor) -> None:
+        """Add the squared innovations of one batch to an RMSE.
+
+        Args:
+            name: of the RMSE, ``fit`` or ``validate``.
+            values: of the sensors, ``(time, sensor)``, NaN where missing.
+            read: what they read in the estimate, same shape.
+            scale: unit of each sensor, ``(sensor,)``.
+        """
+        innovation = _innovation(values, read) / scale
+        known = int((~innovation.isnan()).sum())
+        log_squares(self, f"sensors_{name}", _mean_square(innovation), known)
 
     def on_validation_epoch_end(self) -> None:
         """Log the RMSEs, in units of each trace's std."""

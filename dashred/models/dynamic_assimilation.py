@@ -5,19 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.models.adapter import AdaptedDecoder
 from dashred.models.assimilation import Assimilation
 from dashred.models.sampled_dynamics import SampledDynamics
 from dashred.models.shred import SHRED
+from dashred.models.whitening import Whitening
 
 # q of the first epoch and its smallest value, in units of the std of a field, and the factor from
 # one epoch to the next.
-FIRST_ERROR, LEAST_ERROR, ANNEALING = 0.1, 0.01, 0.3
+FIRST_ERROR, LEAST_ERROR, ANNEALING = 0.1, 0.003, 0.3
 # Iterations of L-BFGS in an epoch, between two looks at the clock, and pairs that it remembers.
-ITERATIONS, AT_ONCE, MEMORY = 60, 10, 100
+ITERATIONS, AT_ONCE, MEMORY = 120, 10, 100
+# Loss of a field from which the simulator blows up.
+REFUSED = 1e30
 # Weight of the squared law, in units of the scales. It keeps terms that nothing determines small.
 LAW_PENALTY = 1e-3
 
@@ -30,7 +33,7 @@ class DynamicAssimilation(Assimilation):
         mean ((H û_t − y_t)/σ)² + mean ((H ũ_{t+Δ} − y_{t+Δ})/σ)²
             + mean ‖û_{t+Δ} − ũ_{t+Δ}‖²/q² + λ mean T(h)² + μ ‖ξ‖²
 
-    The unknowns are T, the coefficients ξ of the law, and later the adapter of the decoder. This is
+    The unknowns are T, the adapter of the decoder, and the coefficients ξ of the law. This is
     weak-constraint 4D-Var (Trémolet, Q. J. R. Meteorol. Soc. 132, 2006) with the network as the
     control variable. The error q of a step falls from epoch to epoch: at first the readings decide,
     at the end the simulator does. An epoch is a fit by L-BFGS, over all samples, because the
@@ -38,15 +41,16 @@ class DynamicAssimilation(Assimilation):
     end of an epoch (:class:`callbacks.law_regression.LawRegression`).
 
     Args:
-        shred: network trained on simulations; its decoder gets an adapter.
+        shred: network trained on simulations.
         fit_operator: H of the fit sensors.
         validation_operator: H of the validation sensors.
         noise: σ of each fit sensor, ``(sensor,)``.
         scales: std of the trace of each fit sensor and each validation sensor.
         width: hidden units of T, and of the adapter.
+        windows: of the recording, ``(time, lag, sensor)``; their latent states are whitened.
         penalty: λ.
         dynamics: the simulator from sample to sample.
-        adapter_epoch: epoch in which the adapter is opened; None never opens it.
+        adapter: whether the decoder gets an adapter.
         is_over: whether the time is up.
     """
 
@@ -59,27 +63,30 @@ class DynamicAssimilation(Assimilation):
         scales: tuple[Tensor, Tensor],
         width: int,
         penalty: float,
+        windows: Tensor,
         dynamics: SampledDynamics,
-        adapter_epoch: int | None,
+        adapter: bool,
         is_over: Callable[[], bool],
     ) -> None:
         super().__init__(
             shred, fit_operator, validation_operator, noise, scales, width, penalty, 1.0, 0.0
         )
         self.automatic_optimization = False
-        self.dynamics, self.adapter_epoch, self.is_over = dynamics, adapter_epoch, is_over
-        latent, modes = shred.encoder.hidden_size, len(shred.spread)
-        self.adapted = AdaptedDecoder(shred.decoder, latent, width, modes)
-        self.shred.decoder = self.adapted
+        self.dynamics, self.is_over = dynamics, is_over
+        with torch.no_grad():
+            states = shred.encode(windows)
+        transform = self.encoder.transform
+        transform.residual = nn.Sequential(Whitening(states), *transform.residual)
+        self.fitted = [*transform.parameters(), dynamics.law]
+        if adapter:
+            adapted = AdaptedDecoder(shred.decoder, Whitening(states), width, len(shred.spread))
+            self.shred.decoder = nn.Sequential(adapted)
+            self.fitted += adapted.adapter.parameters()
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
         """Return L-BFGS on the transform, the adapter and the law."""
         return torch.optim.LBFGS(
-            [
-                *self.encoder.transform.parameters(),
-                *self.adapted.adapter.parameters(),
-                self.dynamics.law,
-            ],
+            self.fitted,
             max_iter=AT_ONCE,
             history_size=MEMORY,
             line_search_fn="strong_wolfe",
@@ -87,12 +94,7 @@ class DynamicAssimilation(Assimilation):
             tolerance_change=1e-12,
         )
 
-    def on_train_epoch_start(self) -> None:
-        """Open the adapter when its epoch has come."""
-        if self.adapter_epoch is not None and self.current_epoch >= self.adapter_epoch:
-            self.adapted.open()
-
-    def training_step(self, batch: tuple[Tensor, Tensor], index: int) -> None:
+    def training_step(self, batch: tuple[Tensor, Tensor], index: int) -> Tensor:
         """Minimise the loss of this epoch over the whole recording."""
         windows, fitted = batch
         optimizer = self.optimizers(use_pl_optimizer=False)
@@ -104,10 +106,15 @@ class DynamicAssimilation(Assimilation):
             latent = self.shred.encode(windows)
         parts: dict[str, Tensor] = {}
 
-        def closure() -> Tensor:
+        def closure() -> float:
             optimizer.zero_grad()
-            parts.update(self._losses(latent, fitted, error))
-            return parts["train"]
+            found = self._losses(latent, fitted, error)
+            if not bool(found["train"].isfinite()):
+                # The simulator blows up from such a field: the line search goes back.
+                optimizer.zero_grad()
+                return REFUSED
+            parts.update(found)
+            return found["train"].item()
 
         for _ in range(ITERATIONS // AT_ONCE):
             optimizer.step(closure)
@@ -115,6 +122,32 @@ class DynamicAssimilation(Assimilation):
                 break
         for name, value in parts.items():
             self.log(f"loss/{name}", value, on_step=False, on_epoch=True, batch_size=len(windows))
+        return parts.get("train", torch.tensor(REFUSED))
+
+    def validation_step(self, batch: tuple[Tensor, Tensor, Tensor], index: int) -> None:
+        """Log the mean squared error on the fit and the validation sensors.
+
+        Without sensors for the validation, later readings of the fit sensors serve for it. SHRED
+        reads these, too, so that the estimate at their own times proves nothing. Then the forecasts
+        from one sample to the next are compared.
+        """
+        windows, fitted, validated = batch
+        fields = self.shred.decode(self.encoder(windows))
+        self.log_innovation("fit", fitted, self.fit_operator(fields), self.fit_scale)
+        if self.validation_operator.sensors == self.fit_operator.sensors:
+            fields = self._forecasts(fields)
+        read = self.validation_operator(fields).to(validated)
+        # A forecast that blows up is wrong, not missing.
+        read = torch.where(read.isnan(), torch.inf, read)
+        self.log_innovation("validate", validated, read, self.validation_scale)
+
+    def _forecasts(self, fields: Tensor) -> Tensor:
+        """Return the forecast at each sample; the estimate at the first one of an episode."""
+        found = fields.double()
+        for block in self.dynamics.blocks():
+            rows = slice(block.rows.start + 1, block.rows.stop)
+            found[rows] = self.dynamics.advance(block, fields[block.rows][:-1])
+        return found
 
     def _losses(self, latent: Tensor, fitted: Tensor, error: float) -> dict[str, Tensor]:
         """Return the loss and its parts; their gradients are accumulated block by block."""

@@ -88,6 +88,23 @@ def test_the_best_state_is_restored(errors, gain, epoch):
     assert float(module.weight.detach()) == epoch
 
 
+@pytest.mark.parametrize(
+    ("errors", "epoch"),
+    [
+        ([5.0, 0.5, 0.9, 3.0], 2),  # below the floor the latest counts, not the lowest
+        ([0.8, 0.9, 2.0], 1),  # also where the state before training is below it
+        ([5.0, 4.0, 3.0], 2),  # above it the lowest counts
+        ([5.0, 4.9, 4.8], 0),  # and the required gain
+    ],
+)
+def test_states_at_the_level_of_the_noise_are_equally_good(errors, epoch):
+    best = BestState("rmse/x", 0.2, floor=1.0)
+    module = run(errors, best)
+    assert best.best_epoch == epoch
+    assert best.best == max(errors[epoch], 1.0)
+    assert float(module.weight.detach()) == epoch
+
+
 def test_a_metric_that_is_not_logged_leaves_the_last_state():
     best = BestState("rmse/absent")
     assert float(run([3.0, 2.0, 4.0], best).weight.detach()) == 2.0

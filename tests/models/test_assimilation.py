@@ -6,7 +6,7 @@ import copy
 
 import pytest
 import torch
-from lightning import Trainer, seed_everything
+from lightning import LightningDataModule, Trainer, seed_everything
 from torch import Tensor
 
 from callbacks import BestState, RMSECurves
@@ -67,7 +67,7 @@ def make(system, shred: SHRED, data: RecordingDataModule, **changed) -> Assimila
     )
 
 
-def fitted(module: Assimilation, data: RecordingDataModule, epochs: int, *callbacks) -> Trainer:
+def fitted(module: Assimilation, data: LightningDataModule, epochs: int, *callbacks) -> Trainer:
     seed_everything(0, verbose=False)
     trainer = Trainer(
         accelerator="cpu",

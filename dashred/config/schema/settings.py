@@ -106,7 +106,7 @@ class Assimilation:
     """Weight λ of the transform's squared size in the loss."""
 
     width: Count
-    """Width of the transform's hidden layer."""
+    """Width of the transform's hidden layer; with dynamics it is at least 256."""
 
     gain: Annotated[float, Limit(at_least=0, below=1), Unit("the error before")]
     """Relative reduction of the validation error below which the transform is discarded."""
@@ -115,7 +115,7 @@ class Assimilation:
     """Also fit the steps of the simulator between samples, with the law as an unknown."""
 
     adapter: bool
-    """With dynamics: open an adapter of the decoder in the second half of the epochs."""
+    """With dynamics: fit an adapter beside the frozen decoder, too."""
 
 
 @dataclass

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
+
+from dashred.physics.backends.input_signals import Array
 
 CONTOUR_POINTS = 32
 CACHE_SIZE = 8
@@ -41,15 +43,18 @@ class ETDRK4:
     """
 
     def __init__(
-        self, linear: Tensor, nonlinear: Callable[[Tensor, float], Tensor], h: float
+        self, linear: Tensor, nonlinear: Callable[[Tensor, Any], Tensor], h: float
     ) -> None:
         self.nonlinear = nonlinear
         result = coefficients(linear, h)
         self.full, self.half, self.q = result.full, result.half, result.q
         self.first, self.middle, self.last = result.first, result.middle, result.last
 
-    def step(self, modes: Tensor, first: float, last: float) -> Tensor:
-        """Return the modes after a step, with the times of its first and last stage."""
+    def step(self, modes: Tensor, first: float | Array, last: float | Array) -> Tensor:
+        """Return the modes after a step, with the times of its first and last stage.
+
+        These are one time for all states, or the time of each, as N reads it.
+        """
         nonlinear, q = self.nonlinear, self.q
         middle = (first + last) / 2
         n_u = nonlinear(modes, first)

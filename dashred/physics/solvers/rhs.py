@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from dashred.physics.backends.input_signals import Array
 from dashred.physics.backends.torch_backend import Program
 from dashred.physics.expressions.algebra import ZERO, names
 from dashred.physics.expressions.linear import split_linear
@@ -34,8 +35,8 @@ class GridTendency:
         if forcing is not None:
             self.forcing = forcing_evaluator(forcing, system.fields, self.operators)
 
-    def __call__(self, state: Tensor, t: float) -> Tensor:
-        """Return the tendency per unit time."""
+    def __call__(self, state: Tensor, t: float | Array) -> Tensor:
+        """Return the tendency per unit time, at one time or at that of each state."""
         values = self.system.values(state, t)
         tendencies = self.program(values, self.operators)
         if self.forcing is not None:
@@ -43,7 +44,7 @@ class GridTendency:
         result = [torch.as_tensor(self.operators.on_grid(value)) for value in tendencies]
         shape = (len(state), *self.system.grid.shape)
         rates = torch.stack([f.to(state).expand(shape) for f in result], dim=1)
-        return rates if self.sampled_forcing is None else rates + self.sampled_forcing.at(t)
+        return rates if self.sampled_forcing is None else rates + self.sampled_forcing.at(float(t))
 
 
 class SpectralTendency:
@@ -79,8 +80,8 @@ class SpectralTendency:
         """Whether N is zero."""
         return not self._has_rest and self.sampled_forcing is None
 
-    def __call__(self, modes: Tensor, t: float) -> Tensor:
-        """Return N in modes, ``(batch, field, *modes)``."""
+    def __call__(self, modes: Tensor, t: float | Array) -> Tensor:
+        """Return N in modes, ``(batch, field, *modes)``, at one time or at that of each state."""
         grid = self.system.grid
         whole = points_of(modes, grid.shape)
         fields = map(Value, whole.unbind(1), modes.unbind(1))
@@ -92,7 +93,7 @@ class SpectralTendency:
             tendencies = _add(tendencies, self.forcing(values))
         rates = self.operators.stacked_modes(tendencies, like=modes[:, 0])
         if self.sampled_forcing is not None:
-            rates = rates + modes_of(self.sampled_forcing.at(t), grid.shape)
+            rates = rates + modes_of(self.sampled_forcing.at(float(t)), grid.shape)
         return self.dealias(rates)
 
     def dealias(self, modes: Tensor) -> Tensor:

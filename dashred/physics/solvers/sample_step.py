@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from torch import Tensor
 
+from dashred.physics.backends.input_signals import Array
 from dashred.physics.grids.transforms import modes_of, points_of
 from dashred.physics.runge_kutta import advance
 from dashred.physics.solvers.etdrk4 import ETDRK4
@@ -52,27 +53,25 @@ class SampleStep:
             forcing: additional terms. Coefficients with one row are those of all states.
         """
         space = (1,) * len(self.system.grid.shape)
-        times, h = begins.reshape(-1, *space), durations.reshape(-1, *space) / self.count
+        times = begins.reshape(-1, *space).numpy()
         if self.system.spectral:
             return self._spectral(states, times, float(durations[0]) / self.count, forcing)
-        tendency = GridTendency(self.system, forcing)
+        return self._on_grid(states, times, durations.reshape(-1, 1, *space) / self.count, forcing)
+
+    def _on_grid(self, states: Tensor, times: Array, h: Tensor, forcing: Forcing | None) -> Tensor:
+        tendency, tableau = GridTendency(self.system, forcing), self.system.tableau
+        assert tableau is not None
+        own = h[:, 0].numpy()
+
+        def rate(state: Tensor, steps: float) -> Tensor:
+            return h * tendency(state, times + steps * own)
+
+        # In units of each state's step, so that the method sees steps of length one.
         for i in range(self.count):
-            states = self._advance(tendency, states, times + i * h, h)
+            states = advance(tableau, rate, states, float(i), 1.0)
         return states
 
-    def _advance(self, tendency: GridTendency, states: Tensor, times: Tensor, h: Tensor) -> Tensor:
-        """Return the states after a step of their own length each."""
-        step = h[:, None]
-        tableau = self.system.tableau
-        assert tableau is not None
-
-        def rate(state: Tensor, share: float) -> Tensor:
-            return step * tendency(state, times + share * h)
-
-        # In units of the steps: the method sees steps of length one from time zero.
-        return advance(tableau, rate, states, 0.0, 1.0)
-
-    def _spectral(self, states: Tensor, times: Tensor, h: float, forcing: Forcing | None) -> Tensor:
+    def _spectral(self, states: Tensor, times: Array, h: float, forcing: Forcing | None) -> Tensor:
         tendency: SpectralTendency = tendency_on_device(self.system, forcing, None)
         stepper = ETDRK4(tendency.linear, tendency, h)
         shape = self.system.grid.shape

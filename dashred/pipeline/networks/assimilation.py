@@ -22,6 +22,7 @@ from dashred.core.tracking import RunTracker
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.models.assimilation import AssimilatedEncoder
+from dashred.models.dynamic_assimilation import DynamicAssimilation
 from dashred.models.shred import SHRED, reconstruct
 from dashred.physics.runs.ensemble import term_scales
 from dashred.pipeline.networks.assimilation_plan import dynamic_plan, plain_plan
@@ -123,7 +124,7 @@ def fit_transform(
         child.log_terms([str(term) for term in problem.library])
         logs = place.accept(child.log_metrics), place.accept(run.log_metrics)
         curves, discovery = RMSECurves(*logs, "assimilate"), LatentDiscovery(latent, *logs)
-        best, limit = BestState(METRIC, settings.gain), TimeLimit(deadline)
+        best, limit = BestState(METRIC, settings.gain, plan.floor), TimeLimit(deadline)
         # Latent SINDy simulates in every epoch.
         proposes = not follows_segments(problem)
         stepped = replace(latent, system=problem.ensemble_system)
@@ -146,6 +147,7 @@ def fit_transform(
         proposals = discovery.finish(module) if proposes else {}
         coefficients = dict(discovery.history)
         if law is not None:
+            assert isinstance(module, DynamicAssimilation)
             proposals[NAME] = law.finish(module, discovery.epochs[-1])
             coefficients[NAME] = law.history
         report(1.0, f"best after {best.best_epoch} epochs, RMSE {best.best:.3f} on validation")

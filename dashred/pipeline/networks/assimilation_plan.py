@@ -21,8 +21,10 @@ from dashred.pipeline.networks.fitting import FitHere, Fitting, fitting
 from dashred.pipeline.problem import Problem
 from datamodules import RecordingDataModule, WholeRecordingDataModule
 
-# Epochs with dynamics, each a fit by L-BFGS, and the first one in which the adapter is open.
-DYNAMIC_EPOCHS, ADAPTER_EPOCH = 6, 3
+# Epochs with dynamics, each a fit by L-BFGS, and the least width of the networks that are fitted.
+DYNAMIC_EPOCHS, DYNAMIC_WIDTH = 6, 256
+# A validation error of this multiple of the noise may be noise alone.
+NOISE_MARGIN = 1.2
 
 
 @dataclass(frozen=True)
@@ -34,19 +36,23 @@ class AssimilationPlan:
         data: its data.
         place: where it is fitted.
         epochs: largest number of epochs.
+        floor: validation error that noise alone would give; zero if the lowest error is taken.
     """
 
     module: Assimilation
     data: LightningDataModule
     place: Fitting
     epochs: int
+    floor: float = 0.0
 
 
 def plain_plan(problem: Problem, shred: SHRED, data: RecordingDataModule) -> AssimilationPlan:
     """Return the assimilation of the paper: the sensors alone decide."""
     settings = problem.config.assimilation
     module = Assimilation(
-        **_networks(problem, shred), rate=settings.rate, encoder_rate=settings.encoder_rate
+        **_networks(problem, shred, settings.width),
+        rate=settings.rate,
+        encoder_rate=settings.encoder_rate,
     )
     return AssimilationPlan(module, data, fitting(problem.config), settings.epochs)
 
@@ -81,17 +87,23 @@ def dynamic_plan(
         shred.pod.scale,
         shred.pod.modes.shape[1],
     )
+    settings, validation = problem.config.assimilation, problem.split.validation
     module = DynamicAssimilation(
-        **_networks(problem, shred),
+        **_networks(problem, shred, max(settings.width, DYNAMIC_WIDTH)),
+        windows=data.windows,
         dynamics=dynamics,
-        adapter_epoch=ADAPTER_EPOCH if problem.config.assimilation.adapter else None,
+        adapter=settings.adapter,
         is_over=lambda: deadline.is_over,
     )
-    place = FitHere(problem.config, "cpu")
-    return AssimilationPlan(module, WholeRecordingDataModule(data), place, DYNAMIC_EPOCHS)
+    shares = problem.noise_of(validation.names) / torch.from_numpy(validation.trace_scale())
+    # The validation part of a single sensor is also an input of SHRED. A state that repeats its
+    # noise has the lowest error there, and is not the best one.
+    floor = NOISE_MARGIN * float(shares.square().mean().sqrt())
+    whole, place = WholeRecordingDataModule(data), FitHere(problem.config, "cpu")
+    return AssimilationPlan(module, whole, place, DYNAMIC_EPOCHS, floor)
 
 
-def _networks(problem: Problem, shred: SHRED) -> dict[str, Any]:
+def _networks(problem: Problem, shred: SHRED, width: int) -> dict[str, Any]:
     """Return the arguments of both modules."""
     settings, split = problem.config.assimilation, problem.split
     return {
@@ -103,6 +115,6 @@ def _networks(problem: Problem, shred: SHRED) -> dict[str, Any]:
             torch.from_numpy(split.fit.trace_scale()),
             torch.from_numpy(split.validation.trace_scale()),
         ),
-        "width": settings.width,
+        "width": width,
         "penalty": settings.penalty,
     }

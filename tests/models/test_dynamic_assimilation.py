@@ -1,0 +1,196 @@
+"""Assimilation with dynamics: its loss, its fit, and what it leaves as it is."""
+
+from __future__ import annotations
+
+import copy
+import math
+
+import pytest
+import torch
+from torch import Tensor
+
+from dashred.data.observation_operator import ObservationOperator
+from dashred.models import dynamic_assimilation
+from dashred.models.dynamic_assimilation import FIRST_ERROR, DynamicAssimilation
+from dashred.models.pod import POD
+from dashred.models.sampled_dynamics import EpisodeSteps, SampledDynamics
+from dashred.models.scaler import Scaler
+from dashred.models.shred import SHRED, reconstruct
+from dashred.physics.runs.ensemble import term_scales
+from dashred.physics.solvers.sample_step import SampleStep
+from dashred.physics.solvers.simulate import simulate
+from dashred.physics.terms.library import resolve
+from datamodules import RecordingDataModule, WholeRecordingDataModule
+from tests import ring
+from tests.models.test_assimilation import FIT, INPUTS, LAGS, VALIDATE, fitted
+
+NOISE = 0.05
+
+
+@pytest.fixture
+def system(tmp_path):
+    return ring.linear_system(tmp_path)
+
+
+@pytest.fixture
+def real(system) -> Tensor:
+    """A field with a term that the simulator lacks, ``(time, field, x)``."""
+    lawful = system.with_terms([(ring.library(system)[1], -0.3)])
+    return simulate(lawful, ring.starts(system, 1, 7), ring.TIMES)[0]
+
+
+@pytest.fixture
+def data(system, real) -> RecordingDataModule:
+    fit = ring.record(system, real).select(FIT)
+    return RecordingDataModule(fit, ring.record(system, real, VALIDATE), INPUTS, LAGS, 16, 0)
+
+
+@pytest.fixture
+def shred(system) -> SHRED:
+    """A network that is not trained; its seven modes represent every state exactly."""
+    states = ring.ensemble(system, 12).states
+    assert isinstance(states, Tensor)
+    sensors = tuple(s for s in ring.SENSORS if s.name in INPUTS)
+    scaler = Scaler.fit(ObservationOperator(sensors, system)(states))
+    pod = POD.fit(states.flatten(0, 1), 7)
+    spread = pod.encode(states).flatten(0, 1).std(dim=0)
+    torch.manual_seed(0)
+    return SHRED(scaler, pod, spread, 24, 1, [16]).float()
+
+
+@pytest.fixture(autouse=True)
+def short(monkeypatch):
+    monkeypatch.setattr(dynamic_assimilation, "ITERATIONS", 40)
+
+
+def make(system, shred, data, adapter=True, is_over=lambda: False) -> DynamicAssimilation:
+    library = ring.library(system)
+    dynamics = SampledDynamics(
+        [EpisodeSteps(SampleStep(system, 0.1), ring.TIMES, 0)],
+        resolve(system, library),
+        term_scales(system, library, ring.ensemble(system, 1).states[0], 0.0),
+        shred.pod.scale,
+        32,
+    )
+    torch.manual_seed(0)
+    return DynamicAssimilation(
+        copy.deepcopy(shred),
+        ObservationOperator(data.fit.sensors, system),
+        ObservationOperator(data.validation.sensors, system),
+        torch.full((len(data.fit.sensors),), NOISE),
+        (torch.ones(len(data.fit.sensors)), torch.ones(len(data.validation.sensors))),
+        32,
+        0.01,
+        data.windows,
+        dynamics,
+        adapter,
+        is_over,
+    )
+
+
+def losses(module: DynamicAssimilation, data: RecordingDataModule) -> dict[str, Tensor]:
+    with torch.no_grad():
+        latent = module.shred.encode(data.windows)
+    return module._losses(latent, data.fitted, FIRST_ERROR)
+
+
+def test_it_starts_as_shred(system, shred, data):
+    module = make(system, shred, data)
+    torch.testing.assert_close(
+        reconstruct(module.encoder, module.shred, data.windows),
+        reconstruct(shred.encode, shred, data.windows),
+    )
+
+
+def test_the_loss_is_the_one_of_its_formula(system, shred, data):
+    module = make(system, shred, data)
+    module.dynamics.set_law(torch.tensor([0, -0.1, 0, 0, 0, 0, 0, 0]).double())
+    found = losses(module, data)
+    fields = reconstruct(shred.encode, shred, data.windows)
+    library = ring.library(system)
+    lawful = system.with_terms([(library[1], -0.1)])
+    forecast = simulate(lawful, fields[:-1], ring.TIMES[:2])[:, -1]
+    scaled = (fields[1:] - forecast) / float(shred.pod.scale[0])
+    read = module.fit_operator
+    expected = {
+        "misfit": ((data.fitted - read(fields)) / NOISE).square().mean(),
+        "forecast_misfit": ((data.fitted[1:] - read(forecast)) / NOISE).square().mean(),
+        "step_error": scaled.square().mean() / FIRST_ERROR**2,
+        "transform": torch.zeros(()),
+    }
+    for name, value in expected.items():
+        assert float(found[name]) == pytest.approx(float(value), rel=1e-4, abs=1e-8)
+    parts = [float(value) for name, value in found.items() if name != "train"]
+    assert float(found["train"]) == pytest.approx(sum(parts))
+
+
+def test_blocks_do_not_change_the_loss_or_its_gradient(system, shred, data):
+    found = []
+    for samples in (100, 7):
+        module = make(system, shred, data)
+        module.dynamics.at_once = samples
+        module.dynamics.set_law(torch.tensor([0, -0.1, 0, 0, 0, 0, 0, 0]).double())
+        loss = losses(module, data)["train"]
+        gradients = [p.grad.double().flatten() for p in module.fitted if p.grad is not None]
+        found.append((float(loss), torch.cat(gradients)))
+    assert found[0][0] == pytest.approx(found[1][0], rel=1e-5)
+    torch.testing.assert_close(found[0][1], found[1][1], rtol=1e-3, atol=1e-3)
+
+
+def test_missing_readings_have_no_weight_and_no_gradient(system, shred, data):
+    data.fitted[3:20, 1] = torch.nan
+    module = make(system, shred, data)
+    assert all(math.isfinite(float(value)) for value in losses(module, data).values())
+    assert all(p.grad.isfinite().all() for p in module.fitted if p.grad is not None)
+
+
+def test_the_fit_brings_the_field_nearer_to_the_real_one(system, shred, data, real):
+    module = make(system, shred, data)
+    module.dynamics.set_law(torch.tensor([0, -0.2, 0, 0, 0, 0, 0, 0]).double())
+    frozen = copy.deepcopy(module.shred.state_dict())
+    fitted(module, WholeRecordingDataModule(data), 3)
+    before, after = (
+        float((states - real).square().mean().sqrt())
+        for states in (
+            reconstruct(shred.encode, shred, data.windows),
+            reconstruct(module.encoder, module.shred, data.windows),
+        )
+    )
+    assert after < 0.8 * before
+    changed = {n for n, v in module.shred.state_dict().items() if not torch.equal(v, frozen[n])}
+    assert changed
+    assert all(name.startswith("decoder.0.adapter") for name in changed)
+
+
+def test_without_an_adapter_the_decoder_stays_bit_for_bit(system, shred, data):
+    module = make(system, shred, data, adapter=False)
+    before = copy.deepcopy(module.shred.state_dict())
+    fitted(module, WholeRecordingDataModule(data), 1)
+    after = module.shred.state_dict()
+    assert all(torch.equal(after[name], before[name]) for name in before)
+
+
+def test_the_fit_ends_when_the_time_is_up(system, shred, data):
+    calls: list[int] = []
+
+    def is_over() -> bool:
+        calls.append(1)
+        return True
+
+    fitted(make(system, shred, data, is_over=is_over), WholeRecordingDataModule(data), 1)
+    assert len(calls) == 1
+
+
+def test_readings_that_shred_reads_are_compared_with_forecasts(system, shred, real):
+    fit = ring.record(system, real).select(FIT)
+    data = RecordingDataModule(fit, fit.between(2.0, 4.0), INPUTS, LAGS, 16, 0)
+    module = make(system, shred, data)
+    trainer = fitted(module, WholeRecordingDataModule(data), 1)
+    with torch.no_grad():
+        fields = module.shred.decode(module.encoder(data.windows)).double()
+        block = next(module.dynamics.blocks())
+        forecast = module.dynamics.advance(block, fields[:-1])
+    read = torch.cat((module.fit_operator(fields[:1]), module.fit_operator(forecast)))
+    error = (data.validated - read).square().nanmean().sqrt()
+    found = float(trainer.callback_metrics["rmse/sensors_validate"])
+    assert found == pytest.approx(float(error), rel=1e-3)
