@@ -68,6 +68,22 @@ def read_finished(case: Case, output: Path) -> StoredCase | None:
 
 
 def hash_of(case: Case) -> str:
-    """Return the hash of a case, which identifies its draw."""
-    text = json.dumps(asdict(case), sort_keys=True)
+    """Return the hash of a case, which identifies its draw.
+
+    Sizes are drawn by functions whose last digit depends on the processor, and an interrupted draw
+    may go on on another machine. Twelve digits are the same everywhere.
+    """
+    text = json.dumps(_rounded(asdict(case)), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _rounded(value: Any) -> Any:
+    """Return a document whose numbers have twelve digits."""
+    match value:
+        case float():
+            return float(f"{value:.12g}")
+        case dict():
+            return {key: _rounded(part) for key, part in value.items()}
+        case list() | tuple():
+            return [_rounded(part) for part in value]
+    return value
