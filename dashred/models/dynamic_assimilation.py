@@ -105,6 +105,9 @@ class DynamicAssimilation(Assimilation):
         with torch.no_grad():
             latent = self.shred.encode(windows)
         parts: dict[str, Tensor] = {}
+        if not bool(self._losses(latent, fitted, error)["train"].isfinite()):
+            # The simulator blows up with the law that the last regression has chosen.
+            self.dynamics.set_law(torch.zeros_like(self.dynamics.scales))
 
         def closure() -> float:
             optimizer.zero_grad()

@@ -162,6 +162,19 @@ def test_the_fit_brings_the_field_nearer_to_the_real_one(system, shred, data, re
     assert all(name.startswith("decoder.0.adapter") for name in changed)
 
 
+def test_a_law_that_blows_up_is_dropped(system, shred, data):
+    module = make(system, shred, data)
+    library = [str(term) for term in ring.library(system)]
+    law = torch.zeros(len(library)).double()
+    law[library.index("u**3")] = 1e3
+    module.dynamics.set_law(law)
+    assert not losses(module, data)["train"].isfinite()
+    trainer = fitted(module, WholeRecordingDataModule(data), 1)
+    assert not module.dynamics.support.any()
+    assert math.isfinite(float(trainer.callback_metrics["loss/train"]))
+    assert all(bool(parameter.isfinite().all()) for parameter in module.fitted)
+
+
 def test_without_an_adapter_the_decoder_stays_bit_for_bit(system, shred, data):
     module = make(system, shred, data, adapter=False)
     before = copy.deepcopy(module.shred.state_dict())
