@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import torch
 from lightning import Callback, LightningModule, Trainer
@@ -42,14 +40,6 @@ class LawRegression(Callback):
         self.problem, self.child, self.parent = problem, child, parent
         self.history: list[list[float]] = []
         self._steps = SimulatorSteps(problem.system, problem.library, problem.scales)
-
-    def state_dict(self) -> dict[str, Any]:
-        """Return the history."""
-        return {"history": self.history}
-
-    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """Take it from a fit in other processes."""
-        self.history = state_dict["history"]
 
     def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Choose the law of the next epoch."""

@@ -47,8 +47,8 @@ class DynamicAssimilation(Assimilation):
         noise: σ of each fit sensor, ``(sensor,)``.
         scales: std of the trace of each fit sensor and each validation sensor.
         width: hidden units of T, and of the adapter.
-        windows: of the recording, ``(time, lag, sensor)``; their latent states are whitened.
         penalty: λ.
+        windows: of the recording, ``(time, lag, sensor)``; their latent states are whitened.
         dynamics: the simulator from sample to sample.
         adapter: whether the decoder gets an adapter.
         is_over: whether the time is up.
@@ -146,7 +146,7 @@ class DynamicAssimilation(Assimilation):
 
     def _forecasts(self, fields: Tensor) -> Tensor:
         """Return the forecast at each sample; the estimate at the first one of an episode."""
-        found = fields.double()
+        found = fields.double().clone()
         for block in self.dynamics.blocks():
             rows = slice(block.rows.start + 1, block.rows.stop)
             found[rows] = self.dynamics.advance(block, fields[block.rows][:-1])
@@ -169,8 +169,7 @@ class DynamicAssimilation(Assimilation):
                 self._normalised(fitted[block.rows][1:], forecast),
             )
             # Neighbouring blocks share a sample, which counts once.
-            last = 0 if block.is_last else -1
-            rows = len(own) + last
+            rows = len(own) if block.is_last else len(own) - 1
             gap = self.dynamics.scaled(fields[1:].double() - forecast)
             share = {
                 "misfit": innovations[0][:rows].square().sum() / max(1, counts[0]),
@@ -184,8 +183,7 @@ class DynamicAssimilation(Assimilation):
             for name, value in share.items():
                 sums[name] = sums.get(name, torch.zeros(())) + value.detach()
         size = LAW_PENALTY * (self.dynamics.law * self.dynamics.support).square().sum()
-        if size.requires_grad:
-            size.backward()
+        size.backward()
         sums["law"] = size.detach()
         return {"train": torch.stack([value.double() for value in sums.values()]).sum(), **sums}
 
