@@ -13,7 +13,6 @@ from dashred.core.tracking import Log
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem, LatentSindy
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.models.assimilation import Assimilation
-from dashred.models.shred import reconstruct
 
 
 class LatentDiscovery(Callback):
@@ -86,8 +85,7 @@ class LatentDiscovery(Callback):
 
     def _fields(self, module: LightningModule) -> Tensor:
         assert isinstance(module, Assimilation)
-        windows = self.problem.windows.to(module.device)
-        return reconstruct(module.encoder, module.shred, windows).cpu()
+        return module.fields(self.problem.windows)
 
     def _note(self, found: dict[str, SparseFit], epoch: int) -> dict[str, float]:
         """Add a point to the history and return it as metrics."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import torch
 from lightning import Callback, LightningModule, Trainer
-from torch import Tensor
 
 from dashred.core.mlflow.metric_names import metric_name
 from dashred.core.tracking import Log
@@ -14,7 +13,6 @@ from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.inference.latent_sindy.sparse_regression import SparseFit, sparse_fit
 from dashred.inference.latent_sindy.step_sensitivities import SimulatorSteps
 from dashred.models.dynamic_assimilation import DynamicAssimilation
-from dashred.models.shred import reconstruct
 
 NAME = "dynamics"
 # Columns that a regression may simulate, in values of the state.
@@ -65,7 +63,7 @@ class LawRegression(Callback):
 
     def _regress(self, module: DynamicAssimilation, bootstraps: int) -> SparseFit:
         problem = self.problem
-        fields = _fields(module, problem.windows)
+        fields = module.fields(problem.windows)
         affordable = MOST_VALUES // (fields[0].numel() * len(problem.library))
         begins = problem.begins(max(problem.settings.begins, affordable))
         steps = self._steps.forecasts(fields, problem.times, begins, problem.strides)
@@ -83,7 +81,3 @@ class LawRegression(Callback):
             for term, value in zip(self.problem.library, found.coefficients, strict=True)
             if value != 0.0
         }
-
-
-def _fields(module: DynamicAssimilation, windows: Tensor) -> Tensor:
-    return reconstruct(module.encoder, module.shred, windows.to(module.device)).cpu()

@@ -8,7 +8,7 @@ from lightning import LightningModule
 from torch import Tensor, nn
 
 from dashred.data.observation_operator import ObservationOperator
-from dashred.models.shred import SHRED
+from dashred.models.shred import SHRED, reconstruct
 from dashred.models.validation_error import log_rmse, log_squares
 
 
@@ -132,6 +132,10 @@ class Assimilation(LightningModule):
         """Log the RMSEs, in units of each trace's std."""
         for name in ("fit", "validate"):
             log_rmse(self, f"sensors_{name}")
+
+    def fields(self, windows: Tensor) -> Tensor:
+        """Return the assimilated fields of windows, ``(time, field, *grid)``, on the CPU."""
+        return reconstruct(self.encoder, self.shred, windows.to(self.device)).cpu()
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
         """Return Adam on the transform, and on the LSTM if ``encoder_rate`` > 0."""
