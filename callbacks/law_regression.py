@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 import torch
 from lightning import Callback, LightningModule, Trainer
+from torch import Tensor
 
 from dashred.core.mlflow.metric_names import metric_name
 from dashred.core.tracking import Log
+from dashred.inference.latent_sindy.blocks import Blocks
 from dashred.inference.latent_sindy.field_regression import field_regression
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.inference.latent_sindy.sparse_regression import SparseFit, sparse_fit
 from dashred.inference.latent_sindy.step_sensitivities import SimulatorSteps
-from dashred.models.dynamic_assimilation import DynamicAssimilation
+from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation
 
 NAME = "dynamics"
 # Columns that a regression may simulate, in values of the state.
@@ -38,6 +40,7 @@ class LawRegression(Callback):
         self.problem, self.child, self.parent = problem, child, parent
         self.history: list[list[float]] = []
         self._steps = SimulatorSteps(problem.system, problem.library, problem.scales)
+        self._last: tuple[Tensor, Blocks] | None = None
 
     def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Choose the law of the next epoch."""
@@ -62,16 +65,21 @@ class LawRegression(Callback):
         return final
 
     def _regress(self, module: DynamicAssimilation, bootstraps: int) -> SparseFit:
-        problem = self.problem
-        fields = module.fields(problem.windows)
-        affordable = MOST_VALUES // (fields[0].numel() * len(problem.library))
-        begins = problem.begins(max(problem.settings.begins, affordable))
-        steps = self._steps.forecasts(fields, problem.times, begins, problem.strides)
-        columns = self._steps.columns(fields, problem.times, steps)
-        modes = problem.windows.shape[-1]
-        blocks = field_regression(module.shred.pod, modes, fields, steps, columns, problem.scales)
-        rng = np.random.default_rng([problem.seed, 0xD1A])
-        return sparse_fit(blocks, problem.settings.threshold, bootstraps, rng)
+        rng = np.random.default_rng([self.problem.seed, 0xD1A])
+        return sparse_fit(self._blocks(module), self.problem.settings.threshold, bootstraps, rng)
+
+    def _blocks(self, module: DynamicAssimilation) -> Blocks:
+        """Return the regression; the last epoch is often the best, and is not simulated again."""
+        problem, fields = self.problem, module.fields(self.problem.windows)
+        if self._last is None or not torch.equal(fields, self._last[0]):
+            affordable = MOST_VALUES // (fields[0].numel() * len(problem.library))
+            begins = problem.begins(max(problem.settings.begins, affordable))
+            steps = self._steps.forecasts(fields, problem.times, begins, problem.strides)
+            columns = self._steps.columns(fields, problem.times, steps)
+            pod, modes = module.shred.pod, problem.windows.shape[-1]
+            found = field_regression(pod, modes, fields, steps, columns, problem.scales)
+            self._last = fields, found
+        return self._last[1]
 
     def _note(self, found: SparseFit) -> dict[str, float]:
         """Add a point to the history and return it as metrics."""

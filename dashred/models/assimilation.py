@@ -39,6 +39,36 @@ class AssimilatedEncoder(nn.Module):
         return self.transform(self.shred.encode(windows))
 
 
+class AssimilationSensors(nn.Module):
+    """The sensors of an assimilation.
+
+    Attributes:
+        fit: H of the fit sensors.
+        validation: H of the validation sensors.
+        noise: σ of each fit sensor, ``(sensor,)``.
+        fit_scale: std of the trace of each fit sensor, ``(sensor,)``; RMSEs are in units of it.
+        validation_scale: that of each validation sensor, ``(sensor,)``.
+    """
+
+    noise: Tensor
+    fit_scale: Tensor
+    validation_scale: Tensor
+
+    def __init__(
+        self,
+        fit: ObservationOperator,
+        validation: ObservationOperator,
+        noise: Tensor,
+        fit_scale: Tensor,
+        validation_scale: Tensor,
+    ) -> None:
+        super().__init__()
+        self.fit, self.validation = fit, validation
+        self.register_buffer("noise", noise.float())
+        self.register_buffer("fit_scale", fit_scale.float())
+        self.register_buffer("validation_scale", validation_scale.float())
+
+
 class Assimilation(LightningModule):
     """Minimise ``mean ((H F(G_R(s')) - y')/σ)² + λ mean T(h)²`` over T, with F frozen.
 
@@ -48,28 +78,17 @@ class Assimilation(LightningModule):
 
     Args:
         shred: network trained on simulations.
-        fit_operator: H of the fit sensors.
-        validation_operator: H of the validation sensors.
-        noise: σ of each fit sensor, ``(sensor,)``.
-        scales: std of the trace of each fit sensor and each validation sensor; RMSEs are in units
-            of these.
+        sensors: that are fitted, and those of the validation.
         width: hidden units of T.
         penalty: λ.
         rate: learning rate of T.
         encoder_rate: learning rate of the LSTM.
     """
 
-    noise: Tensor
-    fit_scale: Tensor
-    validation_scale: Tensor
-
     def __init__(
         self,
         shred: SHRED,
-        fit_operator: ObservationOperator,
-        validation_operator: ObservationOperator,
-        noise: Tensor,
-        scales: tuple[Tensor, Tensor],
+        sensors: AssimilationSensors,
         width: int,
         penalty: float,
         rate: float,
@@ -79,19 +98,16 @@ class Assimilation(LightningModule):
         self.shred = shred.requires_grad_(False)
         self.shred.encoder.requires_grad_(encoder_rate > 0)
         self.encoder = AssimilatedEncoder(shred, LatentTransform(shred.encoder.hidden_size, width))
-        self.fit_operator, self.validation_operator = fit_operator, validation_operator
+        self.sensors = sensors
         self.penalty, self.rate, self.encoder_rate = penalty, rate, encoder_rate
-        self.register_buffer("noise", noise.float())
-        self.register_buffer("fit_scale", scales[0].float())
-        self.register_buffer("validation_scale", scales[1].float())
 
     def training_step(self, batch: tuple[Tensor, Tensor], index: int) -> Tensor:
         """Return the loss of one batch of windows."""
         windows, fitted = batch
         latent = self.shred.encode(windows)
         moved = self.encoder.transform(latent)
-        innovation = _innovation(fitted, self.fit_operator(self.shred.decode(moved)))
-        misfit = _mean_square(innovation / self.noise)
+        innovation = _innovation(fitted, self.sensors.fit(self.shred.decode(moved)))
+        misfit = _mean_square(innovation / self.sensors.noise)
         loss = misfit + self.penalty * (moved - latent).square().mean()
         for name, value in {"loss/train": loss, "loss/misfit": misfit}.items():
             self.log(
@@ -109,8 +125,8 @@ class Assimilation(LightningModule):
         windows, fitted, validated = batch
         field = self.shred.decode(self.encoder(windows))
         pairs = {
-            "fit": (fitted, self.fit_operator, self.fit_scale),
-            "validate": (validated, self.validation_operator, self.validation_scale),
+            "fit": (fitted, self.sensors.fit, self.sensors.fit_scale),
+            "validate": (validated, self.sensors.validation, self.sensors.validation_scale),
         }
         for name, (values, operator, scale) in pairs.items():
             self.log_innovation(name, values, operator(field), scale)

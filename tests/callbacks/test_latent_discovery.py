@@ -15,7 +15,7 @@ from dashred.core.mlflow.metric_names import metric_name
 from dashred.core.mlflow.tracker import Tracker
 from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
-from dashred.models.assimilation import Assimilation
+from dashred.models.assimilation import Assimilation, AssimilationSensors
 from dashred.physics.runs.ensemble import term_scales
 from dashred.physics.solvers.simulate import simulate
 from datamodules import RecordingDataModule
@@ -40,10 +40,13 @@ def setting(tmp_path):
     states = ring.ensemble(system, 8).states
     module = Assimilation(
         ring.untrained(states, operator).float(),
-        operator,
-        ObservationOperator(ring.SENSORS[5:], system),
-        torch.full((5,), 0.1),
-        (torch.ones(5), torch.ones(1)),
+        AssimilationSensors(
+            operator,
+            ObservationOperator(ring.SENSORS[5:], system),
+            torch.full((5,), 0.1),
+            torch.ones(5),
+            torch.ones(1),
+        ),
         width=8,
         penalty=0.01,
         rate=1e-2,

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from callbacks import BestState, RMSECurves
 from dashred.data.observation_operator import ObservationOperator
-from dashred.models.assimilation import Assimilation, LatentTransform
+from dashred.models.assimilation import Assimilation, AssimilationSensors, LatentTransform
 from dashred.models.shred import SHRED, reconstruct
 from dashred.physics.solvers.simulate import simulate
 from datamodules import RecordingDataModule
@@ -59,10 +59,13 @@ def make(system, shred: SHRED, data: RecordingDataModule, **changed) -> Assimila
     torch.manual_seed(0)
     return Assimilation(
         copy.deepcopy(shred),
-        ObservationOperator(data.fit.sensors, system),
-        ObservationOperator(data.validation.sensors, system),
-        torch.full((count,), 0.1),
-        (torch.ones(count), torch.ones(len(data.validation.sensors))),
+        AssimilationSensors(
+            ObservationOperator(data.fit.sensors, system),
+            ObservationOperator(data.validation.sensors, system),
+            torch.full((count,), 0.1),
+            torch.ones(count),
+            torch.ones(len(data.validation.sensors)),
+        ),
         **settings,
     )
 
@@ -156,7 +159,7 @@ def test_missing_values_carry_no_weight(system, shred, data):
     gappy[3:20, 1] = torch.nan
     gappy[:, 4] = torch.nan
     with torch.no_grad():
-        read = module.fit_operator(module.shred.decode(module.encoder(seen)))
+        read = module.sensors.fit(module.shred.decode(module.encoder(seen)))
     known = ~gappy.isnan()
     expected = (((gappy - read) / 0.1)[known] ** 2).mean()
     found = loss(module, seen, gappy)
@@ -178,7 +181,7 @@ def test_nothing_recorded_is_no_error(system, shred, data):
 def test_noisier_sensors_count_less(system, shred, data):
     module = make(system, shred, data)
     plain = loss(module, data.windows, data.fitted)
-    module.noise *= 10
+    module.sensors.noise *= 10
     torch.testing.assert_close(100 * loss(module, data.windows, data.fitted), plain)
 
 
@@ -187,14 +190,14 @@ def test_the_rmse_is_over_all_recorded_samples(system, shred, data):
     data.fitted[2:40:3, 2] = torch.nan
     data.batch = 7
     module = make(system, shred, data)
-    module.fit_scale *= 2
+    module.sensors.fit_scale *= 2
     trainer = fitted(module, data, 1)
     metrics = trainer.callback_metrics
     with torch.no_grad():
         field = module.shred.decode(module.encoder(data.windows))
     for name, values, operator, scale in (
-        ("fit", data.fitted, module.fit_operator, 2.0),
-        ("validate", data.validated.float(), module.validation_operator, 1.0),
+        ("fit", data.fitted, module.sensors.fit, 2.0),
+        ("validate", data.validated.float(), module.sensors.validation, 1.0),
     ):
         error = ((values - operator(field)) / scale).square().nanmean().sqrt()
         assert float(metrics[f"rmse/sensors_{name}"]) == pytest.approx(float(error), rel=1e-3)
@@ -206,7 +209,7 @@ def test_the_best_state_is_restored_and_the_one_before_training_counts(system, s
     # The validation sensors read exactly SHRED's estimate, which cannot be improved.
     field = reconstruct(shred.encode, shred, data.windows)
     with torch.no_grad():
-        data.validated = module.validation_operator(field)
+        data.validated = module.sensors.validation(field)
     best = BestState("rmse/sensors_validate")
     fitted(module, data, 3, best)
     assert best.best_epoch == 0

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 from lightning import LightningDataModule
 
 from dashred.core.budget import Deadline
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
-from dashred.models.assimilation import Assimilation
-from dashred.models.dynamic_assimilation import DynamicAssimilation
-from dashred.models.sampled_dynamics import EpisodeSteps, SampledDynamics
+from dashred.models.assimilation import Assimilation, AssimilationSensors
+from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation
+from dashred.models.dynamics.sampled_dynamics import EpisodeSteps, SampledDynamics
 from dashred.models.shred import SHRED
 from dashred.physics.solvers.sample_step import SampleStep
 from dashred.physics.terms.library import resolve
@@ -50,7 +49,10 @@ def plain_plan(problem: Problem, shred: SHRED, data: RecordingDataModule) -> Ass
     """Return the assimilation of the paper: the sensors alone decide."""
     settings = problem.config.assimilation
     module = Assimilation(
-        **_networks(problem, shred, settings.width),
+        copy.deepcopy(shred),
+        _sensors(problem),
+        settings.width,
+        settings.penalty,
         rate=settings.rate,
         encoder_rate=settings.encoder_rate,
     )
@@ -89,7 +91,10 @@ def dynamic_plan(
     )
     settings, validation = problem.config.assimilation, problem.split.validation
     module = DynamicAssimilation(
-        **_networks(problem, shred, max(settings.width, DYNAMIC_WIDTH)),
+        copy.deepcopy(shred),
+        _sensors(problem),
+        max(settings.width, DYNAMIC_WIDTH),
+        settings.penalty,
         windows=data.windows,
         dynamics=dynamics,
         adapter=settings.adapter,
@@ -103,18 +108,12 @@ def dynamic_plan(
     return AssimilationPlan(module, whole, place, DYNAMIC_EPOCHS, floor)
 
 
-def _networks(problem: Problem, shred: SHRED, width: int) -> dict[str, Any]:
-    """Return the arguments of both modules."""
-    settings, split = problem.config.assimilation, problem.split
-    return {
-        "shred": copy.deepcopy(shred),
-        "fit_operator": problem.operator(split.fit),
-        "validation_operator": problem.operator(split.validation),
-        "noise": problem.noise_of(split.fit.names),
-        "scales": (
-            torch.from_numpy(split.fit.trace_scale()),
-            torch.from_numpy(split.validation.trace_scale()),
-        ),
-        "width": width,
-        "penalty": settings.penalty,
-    }
+def _sensors(problem: Problem) -> AssimilationSensors:
+    fit, validation = problem.split.fit, problem.split.validation
+    return AssimilationSensors(
+        problem.operator(fit),
+        problem.operator(validation),
+        problem.noise_of(fit.names),
+        torch.from_numpy(fit.trace_scale()),
+        torch.from_numpy(validation.trace_scale()),
+    )

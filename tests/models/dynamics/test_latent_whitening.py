@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from dashred.models.whitening import LEAST_VARIANCE, Whitening
+from dashred.models.dynamics.whitening import LEAST_VARIANCE, Whitening
 
 
 def test_the_states_have_unit_variance_and_no_correlation():

@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from dashred.models.whitening import Whitening
+from dashred.models.dynamics.whitening import Whitening
 
 
 class AdaptedDecoder(nn.Module):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 import torch
 
-from dashred.models import sampled_dynamics
-from dashred.models.sampled_dynamics import EpisodeSteps, SampledDynamics
+from dashred.models.dynamics import sampled_dynamics
+from dashred.models.dynamics.sampled_dynamics import EpisodeSteps, SampledDynamics
 from dashred.physics.solvers.sample_step import SampleStep
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.terms.library import resolve

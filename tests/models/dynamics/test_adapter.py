@@ -5,8 +5,8 @@ from __future__ import annotations
 import torch
 from torch import nn
 
-from dashred.models.adapter import AdaptedDecoder
-from dashred.models.whitening import Whitening
+from dashred.models.dynamics.adapter import AdaptedDecoder
+from dashred.models.dynamics.whitening import Whitening
 
 LATENT = torch.randn(30, 3, generator=torch.Generator().manual_seed(0))
 

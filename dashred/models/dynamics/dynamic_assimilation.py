@@ -7,12 +7,11 @@ from collections.abc import Callable
 import torch
 from torch import Tensor, nn
 
-from dashred.data.observation_operator import ObservationOperator
-from dashred.models.adapter import AdaptedDecoder
-from dashred.models.assimilation import Assimilation
-from dashred.models.sampled_dynamics import SampledDynamics
+from dashred.models.assimilation import Assimilation, AssimilationSensors
+from dashred.models.dynamics.adapter import AdaptedDecoder
+from dashred.models.dynamics.sampled_dynamics import SampledDynamics
+from dashred.models.dynamics.whitening import Whitening
 from dashred.models.shred import SHRED
-from dashred.models.whitening import Whitening
 
 # q of the first epoch and its smallest value, in units of the std of a field, and the factor from
 # one epoch to the next.
@@ -42,10 +41,7 @@ class DynamicAssimilation(Assimilation):
 
     Args:
         shred: network trained on simulations.
-        fit_operator: H of the fit sensors.
-        validation_operator: H of the validation sensors.
-        noise: σ of each fit sensor, ``(sensor,)``.
-        scales: std of the trace of each fit sensor and each validation sensor.
+        sensors: that are fitted, and those of the validation.
         width: hidden units of T, and of the adapter.
         penalty: λ.
         windows: of the recording, ``(time, lag, sensor)``; their latent states are whitened.
@@ -57,10 +53,7 @@ class DynamicAssimilation(Assimilation):
     def __init__(
         self,
         shred: SHRED,
-        fit_operator: ObservationOperator,
-        validation_operator: ObservationOperator,
-        noise: Tensor,
-        scales: tuple[Tensor, Tensor],
+        sensors: AssimilationSensors,
         width: int,
         penalty: float,
         windows: Tensor,
@@ -68,9 +61,8 @@ class DynamicAssimilation(Assimilation):
         adapter: bool,
         is_over: Callable[[], bool],
     ) -> None:
-        super().__init__(
-            shred, fit_operator, validation_operator, noise, scales, width, penalty, 1.0, 0.0
-        )
+        # The rates are those of Adam, which does not fit this module.
+        super().__init__(shred, sensors, width, penalty, rate=0.0, encoder_rate=0.0)
         self.automatic_optimization = False
         self.dynamics, self.is_over = dynamics, is_over
         with torch.no_grad():
@@ -136,13 +128,13 @@ class DynamicAssimilation(Assimilation):
         """
         windows, fitted, validated = batch
         fields = self.shred.decode(self.encoder(windows))
-        self.log_innovation("fit", fitted, self.fit_operator(fields), self.fit_scale)
-        if self.validation_operator.sensors == self.fit_operator.sensors:
+        self.log_innovation("fit", fitted, self.sensors.fit(fields), self.sensors.fit_scale)
+        if self.sensors.validation.sensors == self.sensors.fit.sensors:
             fields = self._forecasts(fields)
-        read = self.validation_operator(fields).to(validated)
+        read = self.sensors.validation(fields).to(validated)
         # A forecast that blows up is wrong, not missing.
         read = torch.where(read.isnan(), torch.inf, read)
-        self.log_innovation("validate", validated, read, self.validation_scale)
+        self.log_innovation("validate", validated, read, self.sensors.validation_scale)
 
     def _forecasts(self, fields: Tensor) -> Tensor:
         """Return the forecast at each sample; the estimate at the first one of an episode."""
@@ -192,4 +184,4 @@ class DynamicAssimilation(Assimilation):
         known = ~fitted.isnan()
         # Masked before the difference: the gradient of a masked NaN is NaN.
         readings = torch.where(known, fitted, 0.0)
-        return torch.where(known, (readings - self.fit_operator(fields)) / self.noise, 0.0)
+        return torch.where(known, (readings - self.sensors.fit(fields)) / self.sensors.noise, 0.0)

@@ -10,10 +10,11 @@ import torch
 from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
-from dashred.models import dynamic_assimilation
-from dashred.models.dynamic_assimilation import FIRST_ERROR, DynamicAssimilation
+from dashred.models.assimilation import AssimilationSensors
+from dashred.models.dynamics import dynamic_assimilation
+from dashred.models.dynamics.dynamic_assimilation import FIRST_ERROR, DynamicAssimilation
+from dashred.models.dynamics.sampled_dynamics import EpisodeSteps, SampledDynamics
 from dashred.models.pod import POD
-from dashred.models.sampled_dynamics import EpisodeSteps, SampledDynamics
 from dashred.models.scaler import Scaler
 from dashred.models.shred import SHRED, reconstruct
 from dashred.physics.runs.ensemble import term_scales
@@ -75,10 +76,13 @@ def make(system, shred, data, adapter=True, is_over=lambda: False) -> DynamicAss
     torch.manual_seed(0)
     return DynamicAssimilation(
         copy.deepcopy(shred),
-        ObservationOperator(data.fit.sensors, system),
-        ObservationOperator(data.validation.sensors, system),
-        torch.full((len(data.fit.sensors),), NOISE),
-        (torch.ones(len(data.fit.sensors)), torch.ones(len(data.validation.sensors))),
+        AssimilationSensors(
+            ObservationOperator(data.fit.sensors, system),
+            ObservationOperator(data.validation.sensors, system),
+            torch.full((len(data.fit.sensors),), NOISE),
+            torch.ones(len(data.fit.sensors)),
+            torch.ones(len(data.validation.sensors)),
+        ),
         32,
         0.01,
         data.windows,
@@ -111,7 +115,7 @@ def test_the_loss_is_the_one_of_its_formula(system, shred, data):
     lawful = system.with_terms([(library[1], -0.1)])
     forecast = simulate(lawful, fields[:-1], ring.TIMES[:2])[:, -1]
     scaled = (fields[1:] - forecast) / float(shred.pod.scale[0])
-    read = module.fit_operator
+    read = module.sensors.fit
     expected = {
         "misfit": ((data.fitted - read(fields)) / NOISE).square().mean(),
         "forecast_misfit": ((data.fitted[1:] - read(forecast)) / NOISE).square().mean(),
@@ -203,7 +207,7 @@ def test_readings_that_shred_reads_are_compared_with_forecasts(system, shred, re
         fields = module.shred.decode(module.encoder(data.windows)).double()
         block = next(module.dynamics.blocks())
         forecast = module.dynamics.advance(block, fields[:-1])
-    read = torch.cat((module.fit_operator(fields[:1]), module.fit_operator(forecast)))
+    read = torch.cat((module.sensors.fit(fields[:1]), module.sensors.fit(forecast)))
     error = (data.validated - read).square().nanmean().sqrt()
     found = float(trainer.callback_metrics["rmse/sensors_validate"])
     assert found == pytest.approx(float(error), rel=1e-3)

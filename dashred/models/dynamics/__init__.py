@@ -1,0 +1,1 @@
+"""Assimilation with dynamics: the second LightningModule follows the simulator too."""
