@@ -87,6 +87,7 @@ class TangentColumns:
         [base] = self.start.start(z[None])
         eye = torch.eye(len(z), dtype=torch.float64)
         directions = (self.start.start(z + DIFFERENCE * eye) - base) / DIFFERENCE
+        spread = float(directions.abs().max()) if directions.any() else 1.0
         samples = self.simulator.tangents(
             base,
             directions,
@@ -103,7 +104,12 @@ class TangentColumns:
             sample = sum(map(len, found))
             parts = [
                 self._observe(
-                    states, tangents[:, b.start - first : b.stop - first], unknowns, sample, b
+                    states,
+                    tangents[:, b.start - first : b.stop - first],
+                    unknowns,
+                    sample,
+                    b,
+                    spread,
                 )
                 for b in blocks
             ]
@@ -113,7 +119,13 @@ class TangentColumns:
         return torch.cat(found)
 
     def _observe(
-        self, states: Tensor, tangents: Tensor, unknowns: Tensor, sample: int, block: slice
+        self,
+        states: Tensor,
+        tangents: Tensor,
+        unknowns: Tensor,
+        sample: int,
+        block: slice,
+        spread: float,
     ) -> Tensor:
         """Return the derivative ``H'(u) w``, ``(sample, sensor, column)``, with ``∂H/∂p`` added.
 
@@ -123,9 +135,11 @@ class TangentColumns:
             unknowns: of the parameters and the law, ``(unknown,)``.
             sample: index of the first sample.
             block: the columns.
+            spread: largest change of the start; the scale of a state that is zero everywhere.
         """
         largest = tangents.abs().flatten(2).amax(dim=2).clamp(min=1e-300)
-        size = DIFFERENCE * states.abs().flatten(1).amax(dim=1, keepdim=True) / largest
+        scale = states.abs().flatten(1).amax(dim=1, keepdim=True)
+        size = DIFFERENCE * torch.where(scale > 0, scale, spread) / largest
         states = states[:, None]
         moved = states + size.reshape(*size.shape, *(1,) * (states.dim() - 2)) * tangents
         difference = self.sensors.observe(moved) - self.sensors.observe(states)
