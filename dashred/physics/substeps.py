@@ -22,7 +22,7 @@ Rate = Callable[[Tensor, float], Tensor]
 LIMIT, MOST_STEPS = 2.5, 200
 # Iterations, the last of which count, and the factor that they may be short of.
 ITERATIONS, COUNTED, SAFETY = 8, 2, 1.5
-# Length of the differences, as a share of the largest value of a state.
+# Length of the differences, as a share of the largest value of a state, now or after a step.
 DIFFERENCE = 1e-6
 
 
@@ -41,28 +41,30 @@ class Substeps:
     def __call__(self, state: Tensor, t: float, h: float) -> Tensor:
         """Return the states at ``t + h``."""
         if self._radius is None:
-            self._radius = spectral_radius(self.rate, state, t)
+            self._radius = spectral_radius(self.rate, state, t, h)
         count = min(max(1, math.ceil(h * self._radius / LIMIT)), MOST_STEPS)
         for i in range(count):
             state = advance(self.tableau, self.rate, state, t + i * h / count, h / count)
         return state
 
 
-def spectral_radius(rate: Rate, state: Tensor, t: float) -> float:
+def spectral_radius(rate: Rate, state: Tensor, t: float, h: float) -> float:
     """Return the largest spectral radius of ``∂N/∂u`` in a batch, with a margin.
 
     Args:
         rate: N.
         state: u, ``(batch, field, *grid)``; states that are not finite do not count.
         t: time.
+        h: step, which gives the scale of a state at rest, ``h N(u)``.
     """
     state = state[torch.isfinite(state).flatten(1).all(dim=1)]
     if not len(state):
         return 0.0
     shape = (-1,) + (1,) * (state.dim() - 1)
-    length = DIFFERENCE * state.flatten(1).abs().amax(dim=1).clamp(min=1e-100)
     generator = torch.Generator().manual_seed(0)
     before = rate(state, t)
+    scale = torch.maximum(state.abs(), h * before.abs().nan_to_num(nan=0.0, posinf=0.0))
+    length = DIFFERENCE * scale.flatten(1).amax(dim=1).clamp(min=1e-100)
     direction = torch.randn(state.shape, generator=generator, dtype=torch.float64)
     sizes = []
     for _ in range(ITERATIONS):

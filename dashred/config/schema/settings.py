@@ -29,7 +29,7 @@ class Simulation:
     """Whether each member has a random draw of library terms added to its equations."""
 
     terms: Count
-    """Number of library terms in each draw."""
+    """Number of library terms in each draw; all of a smaller library."""
 
     amplitude: Annotated[NonNegative, Unit("the equation's tendency")]
     """Size of the tendency of a drawn term."""

@@ -10,7 +10,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dashred.core.errors import InputError
 from dashred.physics.runs.members import simulate_members
 from dashred.physics.runs.rounds import draw_until_enough
 from dashred.physics.runs.stored_states import States
@@ -64,7 +63,7 @@ class Discrepancies:
 
     Attributes:
         library: terms to draw from.
-        terms: number of terms for each member.
+        terms: number of terms for each member; all of a smaller library.
         amplitude: relative size of their tendencies.
     """
 
@@ -221,15 +220,11 @@ def draw_forcing(
     if discrepancies is None:
         return Forcing((), torch.zeros((members, 0), dtype=torch.float64))
     library = discrepancies.library
-    if discrepancies.terms > len(library):
-        raise InputError(
-            f"simulation.terms asks for {discrepancies.terms} terms out of {len(library)}",
-            where=system.where("simulation.terms"),
-        )
+    size = min(discrepancies.terms, len(library))
     known = min(len(nominal), len(times))
     scales = term_scales(system, library, nominal[:known], times[:known])
     coefficients = np.zeros((members, len(library)))
     for row in coefficients:
-        chosen = rng.choice(len(library), size=discrepancies.terms, replace=False)
+        chosen = rng.choice(len(library), size=size, replace=False)
         row[chosen] = discrepancies.amplitude * rng.standard_normal(len(chosen))
     return Forcing(resolve(system, library), torch.from_numpy(coefficients) * scales)

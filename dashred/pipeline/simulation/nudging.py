@@ -1,7 +1,7 @@
 """Runs of a simulator of fields that are corrected towards the readings at every sample.
 
 A simulator may lack what keeps it bounded. Its own run then leaves the range of the recording, or
-blows up, and gives no scale of anything. A corrected run stays near the recording. With forecast
+blows up, and gives no scale of anything. Neither does a run that stands still. A corrected run stays near the recording. With forecast
 x_f and readings y, optimal interpolation gives::
 
     x = x_f + M z        z = (HM)ᵀ (HM (HM)ᵀ + R)⁻¹ (y - H x_f)
@@ -27,6 +27,8 @@ from dashred.pipeline.simulation.reading_range import distance_from_readings
 # A run has left the range of the recording if a reading of a quantity is farther from its mean over
 # all sensors than this many of its standard deviations.
 LOST = 10.0
+# A field stands still if it changes by less than this, in standard deviations of its readings.
+STILL = 1e-6
 # Standard deviation of the factor by which the readings of each member of an ensemble are larger.
 READING_SPREAD = 0.3
 # A field stays within the range of its readings, widened by this share of it on both sides.
@@ -45,6 +47,22 @@ def is_lost(problem: Problem, path: Tensor) -> bool:
     """
     fitted = path[: len(problem.split.fit.times)]
     return bool((distance_from_readings(problem, fitted) >= LOST).any())
+
+
+def stands_still(problem: Problem, path: Tensor) -> bool:
+    """Return whether a field that is read has one value everywhere, as from a uniform start.
+
+    Args:
+        problem: one episode.
+        path: its simulation, ``(time, field, *grid)``.
+    """
+    fit = problem.split.fit
+    for index, field in enumerate(problem.system.fields):
+        own = path[:, index]
+        mine = [j for j, sensor in enumerate(fit.sensors) if sensor.reads == field]
+        if mine and float(own.max() - own.min()) <= STILL * float(np.nanstd(fit.values[:, mine])):
+            return True
+    return False
 
 
 def nudged_ensemble(
@@ -169,7 +187,9 @@ def _gain(seen: Tensor, noise: Tensor) -> Tensor:
 def nudged_where_lost(
     problem: Problem, prior: StartPrior, paths: Sequence[Tensor], progress: Progress
 ) -> tuple[Tensor, ...]:
-    """Return the corrected runs of all fitted episodes if a run leaves the range of its recording.
+    """Return the corrected runs of all fitted episodes if a run gives no scales.
+
+    It gives none if it leaves the range of its recording, or stands still.
 
     Args:
         problem: the recording.
@@ -179,10 +199,10 @@ def nudged_where_lost(
 
     Returns:
         States at the times of each episode, ``(time, field, *grid)``. Beyond the fitted part, whose
-        readings alone are used, they are repeated. Empty if no run is lost.
+        readings alone are used, they are repeated. Empty if every run gives scales.
     """
     pairs = zip(problem.episodes, paths, strict=True)
-    if not any(is_lost(episode, path) for episode, path in pairs):
+    if not any(is_lost(*each) or stands_still(*each) for each in pairs):
         return ()
     return tuple(_corrected(e, prior, progress) for e in problem.episodes)
 

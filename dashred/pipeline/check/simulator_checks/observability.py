@@ -194,8 +194,9 @@ def _differences(
 
 def _observed_tangents(operator: ObservationOperator, state: Tensor, moved: Tensor) -> Tensor:
     """Return ``H'(u)δu`` of every mode, ``(mode, sensor)``, by differences: H may be nonlinear."""
-    small = DIFFERENCE / moved.abs().flatten(1).max(dim=1).values.clamp(min=1e-12)
-    small = small * state.abs().max().clamp(min=1e-12)
+    largest, scale = moved.abs().flatten(1).amax(dim=1).clamp(min=1e-300), state.abs().max()
+    # A state of zero has no scale; that of a mode is its prior std.
+    small = DIFFERENCE * (scale / largest if scale > 0 else torch.ones_like(largest))
     steps = small.reshape(-1, *(1,) * (moved.dim() - 1))
     change: Tensor = operator(state + steps * moved) - operator(state[None])
     return change / small[:, None]
