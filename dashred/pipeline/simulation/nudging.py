@@ -1,8 +1,8 @@
 """Runs of a simulator of fields that are corrected towards the readings at every sample.
 
 A simulator may lack what keeps it bounded. Its own run then leaves the range of the recording, or
-blows up, and gives no scale of anything. Neither does a run that stands still. A corrected run stays near the recording. With forecast
-x_f and readings y, optimal interpolation gives::
+blows up, and gives no scale of anything. Neither does a run that stands still. A corrected run
+stays near the recording. With forecast x_f and readings y, optimal interpolation gives::
 
     x = x_f + M z        z = (HM)ᵀ (HM (HM)ᵀ + R)⁻¹ (y - H x_f)
 
