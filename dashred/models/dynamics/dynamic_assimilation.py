@@ -39,6 +39,9 @@ class DynamicAssimilation(Assimilation):
     objective is deterministic and its valleys are narrow. The support of the law is chosen at the
     end of an epoch (:class:`callbacks.law_regression.LawRegression`).
 
+    Attributes:
+        steps_fit: whether the errors of the steps were within q at the end of the last epoch.
+
     Args:
         shred: network trained on simulations.
         sensors: that are fitted, and those of the validation.
@@ -71,7 +74,7 @@ class DynamicAssimilation(Assimilation):
         super().__init__(shred, sensors, width, penalty, rate=0.0, encoder_rate=0.0)
         self.automatic_optimization = False
         self.dynamics, self.is_over = dynamics, is_over
-        self._error, self._steps_fit = FIRST_ERROR, False
+        self._error, self.steps_fit = FIRST_ERROR, False
         with torch.no_grad():
             states = shred.encode(windows)
         guess = reconstruct(shred.encode, shred, windows)
@@ -133,14 +136,14 @@ class DynamicAssimilation(Assimilation):
         with torch.no_grad():
             for value, lowest in zip(self.fitted, best, strict=True):
                 value.copy_(lowest)
-        self._steps_fit = bool(parts) and float(parts["step_error"]) <= 1.0
+        self.steps_fit = bool(parts) and float(parts["step_error"]) <= 1.0
         for name, value in parts.items():
             self.log(f"loss/{name}", value, on_step=False, on_epoch=True, batch_size=len(windows))
         return parts.get("train", torch.tensor(REFUSED))
 
     def _next_error(self) -> float:
         """Return q of this epoch; it falls if the steps of the last epoch were within theirs."""
-        if self._steps_fit:
+        if self.steps_fit:
             self._error = max(LEAST_ERROR, self._error * ANNEALING)
         return self._error
 
