@@ -30,7 +30,8 @@ class DynamicAssimilation(Assimilation):
     With ``û_t = F(h_t + T(h_t))``, F frozen, and the forecast ``ũ_{t+Δ} = Φ_Δ(û_t; ξ)``::
 
         mean ((H û_t − y_t)/σ)² + mean ((H ũ_{t+Δ} − y_{t+Δ})/σ)²
-            + mean ‖û_{t+Δ} − ũ_{t+Δ}‖²/q² + mean ‖û_t − F(h_t)‖²/b² + λ mean T(h)² + μ ‖ξ‖²
+            + mean ‖û_{t+Δ} − ũ_{t+Δ}‖²/q²
+            + (q/q₀) mean ‖û_t − F(h_t)‖²/b² + λ mean T(h)² + μ ‖ξ‖²
 
     The unknowns are T, the adapter of the decoder, and the coefficients ξ of the law. This is
     weak-constraint 4D-Var (Trémolet, Q. J. R. Meteorol. Soc. 132, 2006) with the network as the
@@ -196,7 +197,8 @@ class DynamicAssimilation(Assimilation):
                 "misfit": innovations[0][:rows].square().sum() / max(1, counts[0]),
                 "forecast_misfit": innovations[1].square().sum() / max(1, counts[1]),
                 "step_error": gap.square().flatten(1).mean(dim=1).sum() / steps / error**2,
-                "background": (changes / self.background).square().flatten(1).mean(dim=1).sum()
+                "background": (error / FIRST_ERROR)
+                * (changes / self.background).square().flatten(1).mean(dim=1).sum()
                 / len(latent),
                 "transform": self.penalty
                 * (moved - own)[:rows].square().mean(dim=1).sum()

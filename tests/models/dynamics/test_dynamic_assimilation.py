@@ -94,10 +94,12 @@ def make(system, shred, data, adapter=True, is_over=lambda: False) -> DynamicAss
     )
 
 
-def losses(module: DynamicAssimilation, data: RecordingDataModule) -> dict[str, Tensor]:
+def losses(
+    module: DynamicAssimilation, data: RecordingDataModule, error: float = FIRST_ERROR
+) -> dict[str, Tensor]:
     with torch.no_grad():
         latent = module.shred.encode(data.windows)
-    return module._losses(latent, data.fitted, FIRST_ERROR)
+    return module._losses(latent, data.fitted, error)
 
 
 def test_it_starts_as_shred(system, shred, data):
@@ -135,12 +137,13 @@ def test_the_background_is_the_estimate_of_shred(system, shred, data):
     module = make(system, shred, data)
     with torch.no_grad():
         module.encoder.transform.residual[-1].bias.fill_(0.1)
-    found = losses(module, data)["background"]
+    first, later = (losses(module, data, q)["background"] for q in (FIRST_ERROR, FIRST_ERROR / 4))
     fields, guess = (
         reconstruct(encode, shred, data.windows) for encode in (module.encoder, shred.encode)
     )
     changes = (fields - guess) / (BACKGROUND * float(shred.pod.scale[0]))
-    assert float(found) == pytest.approx(float(changes.square().mean()), rel=1e-4)
+    assert float(first) == pytest.approx(float(changes.square().mean()), rel=1e-4)
+    assert float(later) == pytest.approx(float(first) / 4)
 
 
 def test_blocks_do_not_change_the_loss_or_its_gradient(system, shred, data):
