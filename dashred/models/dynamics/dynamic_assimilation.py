@@ -35,12 +35,15 @@ class DynamicAssimilation(Assimilation):
 
     The unknowns are T, the adapter of the decoder, and the coefficients ξ of the law. This is
     weak-constraint 4D-Var (Trémolet, Q. J. R. Meteorol. Soc. 132, 2006) with the network as the
-    control variable. The error q of a step falls from epoch to epoch: at first the readings decide,
-    at the end the simulator does. An epoch is a fit by L-BFGS, over all samples, because the
+    control variable, and the estimate of SHRED as the background. The error q of a step falls from q₀
+    after each epoch whose steps fit within it: at first the readings decide, at the end the
+    simulator does. An epoch is a fit by L-BFGS, over all samples, because the
     objective is deterministic and its valleys are narrow. The support of the law is chosen at the
     end of an epoch (:class:`callbacks.law_regression.LawRegression`).
 
     Attributes:
+        first_guess: F(h_t), ``(time, field, *grid)``.
+        background: b in the units of the fields, ``(field,)``.
         steps_fit: whether the errors of the steps were within q at the end of the last epoch.
 
     Args:
