@@ -35,8 +35,8 @@ class DynamicAssimilation(Assimilation):
 
     The unknowns are T, the adapter of the decoder, and the coefficients ξ of the law. This is
     weak-constraint 4D-Var (Trémolet, Q. J. R. Meteorol. Soc. 132, 2006) with the network as the
-    control variable, and the estimate of SHRED as the background. The error q of a step falls from q₀
-    after each epoch whose steps fit within it: at first the readings decide, at the end the
+    control variable, and the estimate of SHRED as the background. The error q of a step falls from
+    q₀ after each epoch whose steps fit within it: at first the readings decide, at the end the
     simulator does. An epoch is a fit by L-BFGS, over all samples, because the
     objective is deterministic and its valleys are narrow. The support of the law is chosen at the
     end of an epoch (:class:`callbacks.law_regression.LawRegression`).
@@ -106,19 +106,26 @@ class DynamicAssimilation(Assimilation):
     def training_step(self, batch: tuple[Tensor, Tensor], index: int) -> Tensor:
         """Minimise the loss of this epoch over the whole recording."""
         windows, fitted = batch
+        error = self._next_error()
+        with torch.no_grad():
+            latent = self.shred.encode(windows)
+        if not bool(self._losses(latent, fitted, error)["train"].isfinite()):
+            # The simulator blows up with the law that the last regression has chosen.
+            self.dynamics.set_law(torch.zeros_like(self.dynamics.scales))
+        parts = self._minimise(latent, fitted, error)
+        self.steps_fit = bool(parts) and float(parts["step_error"]) <= 1.0
+        for name, value in parts.items():
+            self.log(f"loss/{name}", value, on_step=False, on_epoch=True, batch_size=len(windows))
+        return parts.get("train", torch.tensor(REFUSED))
+
+    def _minimise(self, latent: Tensor, fitted: Tensor, error: float) -> dict[str, Tensor]:
+        """Return the parts of the lowest loss, whose unknowns are kept."""
         optimizer = self.optimizers(use_pl_optimizer=False)
         assert isinstance(optimizer, torch.optim.Optimizer)
         # What L-BFGS has learnt about the curvature belongs to the q and the law of an epoch.
         optimizer.state.clear()
-        error = self._next_error()
-        with torch.no_grad():
-            latent = self.shred.encode(windows)
         parts: dict[str, Tensor] = {}
-        if not bool(self._losses(latent, fitted, error)["train"].isfinite()):
-            # The simulator blows up with the law that the last regression has chosen.
-            self.dynamics.set_law(torch.zeros_like(self.dynamics.scales))
-
-        best = [value.detach().clone() for value in self.fitted]
+        lowest = [value.detach().clone() for value in self.fitted]
 
         def closure() -> float:
             optimizer.zero_grad()
@@ -129,7 +136,7 @@ class DynamicAssimilation(Assimilation):
                 return REFUSED
             if not parts or found["train"] < parts["train"]:
                 parts.update(found)
-                best[:] = [value.detach().clone() for value in self.fitted]
+                lowest[:] = [value.detach().clone() for value in self.fitted]
             return found["train"].item()
 
         for _ in range(ITERATIONS // AT_ONCE):
@@ -138,12 +145,9 @@ class DynamicAssimilation(Assimilation):
             if self.is_over() or not all(bool(value.isfinite().all()) for value in self.fitted):
                 break
         with torch.no_grad():
-            for value, lowest in zip(self.fitted, best, strict=True):
-                value.copy_(lowest)
-        self.steps_fit = bool(parts) and float(parts["step_error"]) <= 1.0
-        for name, value in parts.items():
-            self.log(f"loss/{name}", value, on_step=False, on_epoch=True, batch_size=len(windows))
-        return parts.get("train", torch.tensor(REFUSED))
+            for value, kept in zip(self.fitted, lowest, strict=True):
+                value.copy_(kept)
+        return parts
 
     def _next_error(self) -> float:
         """Return q of this epoch; it falls if the steps of the last epoch were within theirs."""
