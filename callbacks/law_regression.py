@@ -25,7 +25,8 @@ class LawRegression(Callback):
     """Sparse regression of the simulator's errors along the assimilated field.
 
     It sets the support of the law that the network learns, and the initial values of its
-    coefficients. A term that the next regression does not choose is left out again.
+    coefficients. A term that the next regression does not choose is left out again. While the steps
+    of the field do not fit the law that it has, the law is kept.
 
     Attributes:
         history: coefficients ``(term,)`` by epoch; those of the epochs that latent SINDy logs.
@@ -46,7 +47,9 @@ class LawRegression(Callback):
         """Choose the law of the next epoch."""
         assert isinstance(pl_module, DynamicAssimilation)
         found = self._regress(pl_module, bootstraps=0)
-        pl_module.dynamics.set_law(torch.from_numpy(found.coefficients))
+        # The errors of a field that is still far from its law would be told as more terms.
+        if pl_module.steps_fit or not pl_module.dynamics.support.any():
+            pl_module.dynamics.set_law(torch.from_numpy(found.coefficients))
         epoch = trainer.current_epoch + 1
         if epoch % self.problem.settings.every == 0:
             self.child(self._note(found), epoch)

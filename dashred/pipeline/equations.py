@@ -89,7 +89,7 @@ def _discover(
         "shred", lambda: training.train_shred(problem, ensemble, run, seconds, "SHRED")
     )
     assimilated = checkpoints.stage(
-        "assimilate", lambda: assimilation.assimilate(problem, nominal, network.shred, run, seconds)
+        "assimilate", lambda: assimilation.assimilate(problem, nominal, network, run, seconds)
     )
     discovered = checkpoints.stage(
         "discover",

@@ -11,7 +11,7 @@ from dashred.models.assimilation import Assimilation, AssimilationSensors
 from dashred.models.dynamics.adapter import AdaptedDecoder
 from dashred.models.dynamics.sampled_dynamics import SampledDynamics
 from dashred.models.dynamics.whitening import Whitening
-from dashred.models.shred import SHRED
+from dashred.models.shred import SHRED, reconstruct
 
 # q of the first epoch and its smallest value, in units of the std of a field, and the factor from
 # one epoch to the next.
@@ -30,14 +30,21 @@ class DynamicAssimilation(Assimilation):
     With ``û_t = F(h_t + T(h_t))``, F frozen, and the forecast ``ũ_{t+Δ} = Φ_Δ(û_t; ξ)``::
 
         mean ((H û_t − y_t)/σ)² + mean ((H ũ_{t+Δ} − y_{t+Δ})/σ)²
-            + mean ‖û_{t+Δ} − ũ_{t+Δ}‖²/q² + λ mean T(h)² + μ ‖ξ‖²
+            + mean ‖û_{t+Δ} − ũ_{t+Δ}‖²/q²
+            + (q/q₀) mean ‖û_t − F(h_t)‖²/b² + λ mean T(h)² + μ ‖ξ‖²
 
     The unknowns are T, the adapter of the decoder, and the coefficients ξ of the law. This is
     weak-constraint 4D-Var (Trémolet, Q. J. R. Meteorol. Soc. 132, 2006) with the network as the
-    control variable. The error q of a step falls from epoch to epoch: at first the readings decide,
-    at the end the simulator does. An epoch is a fit by L-BFGS, over all samples, because the
+    control variable, and the estimate of SHRED as the background. The error q of a step falls from
+    q₀ after each epoch whose steps fit within it: at first the readings decide, at the end the
+    simulator does. An epoch is a fit by L-BFGS, over all samples, because the
     objective is deterministic and its valleys are narrow. The support of the law is chosen at the
     end of an epoch (:class:`callbacks.law_regression.LawRegression`).
+
+    Attributes:
+        first_guess: F(h_t), ``(time, field, *grid)``.
+        background: b in the units of the fields, ``(field,)``.
+        steps_fit: whether the errors of the steps were within q at the end of the last epoch.
 
     Args:
         shred: network trained on simulations.
@@ -45,10 +52,15 @@ class DynamicAssimilation(Assimilation):
         width: hidden units of T, and of the adapter.
         penalty: λ.
         windows: of the recording, ``(time, lag, sensor)``; their latent states are whitened.
+        background: b, RMSE of SHRED on simulations that it has not seen, in units of the std of
+            each field, ``(field,)``.
         dynamics: the simulator from sample to sample.
         adapter: whether the decoder gets an adapter.
         is_over: whether the time is up.
     """
+
+    first_guess: Tensor
+    background: Tensor
 
     def __init__(
         self,
@@ -57,6 +69,7 @@ class DynamicAssimilation(Assimilation):
         width: int,
         penalty: float,
         windows: Tensor,
+        background: Tensor,
         dynamics: SampledDynamics,
         adapter: bool,
         is_over: Callable[[], bool],
@@ -65,8 +78,12 @@ class DynamicAssimilation(Assimilation):
         super().__init__(shred, sensors, width, penalty, rate=0.0, encoder_rate=0.0)
         self.automatic_optimization = False
         self.dynamics, self.is_over = dynamics, is_over
+        self._error, self.steps_fit = FIRST_ERROR, False
         with torch.no_grad():
             states = shred.encode(windows)
+        guess = reconstruct(shred.encode, shred, windows)
+        self.register_buffer("first_guess", guess, persistent=False)
+        self.register_buffer("background", background * dynamics.spread, persistent=False)
         transform = self.encoder.transform
         transform.residual = nn.Sequential(Whitening(states), *transform.residual)
         self.fitted = [*transform.parameters(), dynamics.law]
@@ -89,17 +106,26 @@ class DynamicAssimilation(Assimilation):
     def training_step(self, batch: tuple[Tensor, Tensor], index: int) -> Tensor:
         """Minimise the loss of this epoch over the whole recording."""
         windows, fitted = batch
+        error = self._next_error()
+        with torch.no_grad():
+            latent = self.shred.encode(windows)
+        if not bool(self._losses(latent, fitted, error)["train"].isfinite()):
+            # The simulator blows up with the law that the last regression has chosen.
+            self.dynamics.set_law(torch.zeros_like(self.dynamics.scales))
+        parts = self._minimise(latent, fitted, error)
+        self.steps_fit = bool(parts) and float(parts["step_error"]) <= 1.0
+        for name, value in parts.items():
+            self.log(f"loss/{name}", value, on_step=False, on_epoch=True, batch_size=len(windows))
+        return parts.get("train", torch.tensor(REFUSED))
+
+    def _minimise(self, latent: Tensor, fitted: Tensor, error: float) -> dict[str, Tensor]:
+        """Return the parts of the lowest loss, whose unknowns are kept."""
         optimizer = self.optimizers(use_pl_optimizer=False)
         assert isinstance(optimizer, torch.optim.Optimizer)
         # What L-BFGS has learnt about the curvature belongs to the q and the law of an epoch.
         optimizer.state.clear()
-        error = max(LEAST_ERROR, FIRST_ERROR * ANNEALING**self.current_epoch)
-        with torch.no_grad():
-            latent = self.shred.encode(windows)
         parts: dict[str, Tensor] = {}
-        if not bool(self._losses(latent, fitted, error)["train"].isfinite()):
-            # The simulator blows up with the law that the last regression has chosen.
-            self.dynamics.set_law(torch.zeros_like(self.dynamics.scales))
+        lowest = [value.detach().clone() for value in self.fitted]
 
         def closure() -> float:
             optimizer.zero_grad()
@@ -108,16 +134,26 @@ class DynamicAssimilation(Assimilation):
                 # The simulator blows up from such a field: the line search goes back.
                 optimizer.zero_grad()
                 return REFUSED
-            parts.update(found)
+            if not parts or found["train"] < parts["train"]:
+                parts.update(found)
+                lowest[:] = [value.detach().clone() for value in self.fitted]
             return found["train"].item()
 
         for _ in range(ITERATIONS // AT_ONCE):
             optimizer.step(closure)
-            if self.is_over():
+            # A line search that has seen refused fields may end anywhere.
+            if self.is_over() or not all(bool(value.isfinite().all()) for value in self.fitted):
                 break
-        for name, value in parts.items():
-            self.log(f"loss/{name}", value, on_step=False, on_epoch=True, batch_size=len(windows))
-        return parts.get("train", torch.tensor(REFUSED))
+        with torch.no_grad():
+            for value, kept in zip(self.fitted, lowest, strict=True):
+                value.copy_(kept)
+        return parts
+
+    def _next_error(self) -> float:
+        """Return q of this epoch; it falls if the steps of the last epoch were within theirs."""
+        if self.steps_fit:
+            self._error = max(LEAST_ERROR, self._error * ANNEALING)
+        return self._error
 
     def validation_step(self, batch: tuple[Tensor, Tensor, Tensor], index: int) -> None:
         """Log the mean squared error on the fit and the validation sensors.
@@ -163,10 +199,14 @@ class DynamicAssimilation(Assimilation):
             # Neighbouring blocks share a sample, which counts once.
             rows = len(own) if block.is_last else len(own) - 1
             gap = self.dynamics.scaled(fields[1:].double() - forecast)
+            changes = (fields - self.first_guess[block.rows])[:rows].transpose(1, -1)
             share = {
                 "misfit": innovations[0][:rows].square().sum() / max(1, counts[0]),
                 "forecast_misfit": innovations[1].square().sum() / max(1, counts[1]),
                 "step_error": gap.square().flatten(1).mean(dim=1).sum() / steps / error**2,
+                "background": (error / FIRST_ERROR)
+                * (changes / self.background).square().flatten(1).mean(dim=1).sum()
+                / len(latent),
                 "transform": self.penalty
                 * (moved - own)[:rows].square().mean(dim=1).sum()
                 / len(latent),

@@ -23,9 +23,10 @@ from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.models.assimilation import AssimilatedEncoder
 from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation
-from dashred.models.shred import SHRED, reconstruct
+from dashred.models.shred import reconstruct
 from dashred.physics.runs.ensemble import term_scales
 from dashred.pipeline.networks.assimilation_plan import dynamic_plan, plain_plan
+from dashred.pipeline.networks.training import TrainedNetwork
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.simulation.program_cost import follows_segments
@@ -76,7 +77,11 @@ def sensor_data(problem: Problem) -> RecordingDataModule:
 
 
 def assimilate(
-    problem: Problem, nominal: NominalRun, shred: SHRED, run: RunTracker, seconds: dict[str, float]
+    problem: Problem,
+    nominal: NominalRun,
+    network: TrainedNetwork,
+    run: RunTracker,
+    seconds: dict[str, float],
 ) -> AssimilationResult:
     """Fit the latent transform T to the fit sensors and propose terms at every epoch.
 
@@ -85,17 +90,17 @@ def assimilate(
     Args:
         problem: settings and recording.
         nominal: simulation that gives the scales of the terms.
-        shred: network trained on the simulation; it is not changed.
+        network: trained on the simulation; it is not changed.
         run: tracker of the parent run.
         seconds: run time by stage, updated.
     """
-    return fit_transform(problem, _latent_problem(problem, nominal), shred, run, seconds)[0]
+    return fit_transform(problem, _latent_problem(problem, nominal), network, run, seconds)[0]
 
 
 def fit_transform(
     problem: Problem,
     latent: LatentProblem,
-    shred: SHRED,
+    network: TrainedNetwork,
     run: RunTracker,
     seconds: dict[str, float],
 ) -> tuple[AssimilationResult, AssimilatedEncoder]:
@@ -104,7 +109,7 @@ def fit_transform(
     Args:
         problem: settings and recording.
         latent: problem that latent SINDy solves at every epoch.
-        shred: network trained on the simulation; it is not changed.
+        network: trained on the simulation; it is not changed.
         run: tracker of the parent run.
         seconds: run time by stage, updated.
 
@@ -115,11 +120,11 @@ def fit_transform(
     data = sensor_data(problem)
     lightning.seed_everything(problem.config.seed + 1, verbose=False)
     if settings.dynamics:
-        plan = dynamic_plan(problem, latent, shred, data, deadline)
+        plan = dynamic_plan(problem, latent, network, data, deadline)
     else:
-        plan = plain_plan(problem, shred, data)
+        plan = plain_plan(problem, network.shred, data)
     module, place = plan.module, plan.place
-    before = reconstruct(shred.encode, shred, data.windows)
+    before = reconstruct(network.shred.encode, network.shred, data.windows)
     with run.child("assimilate") as child, stage("assimilate, latent SINDy", seconds) as report:
         child.log_terms([str(term) for term in problem.library])
         logs = place.accept(child.log_metrics), place.accept(run.log_metrics)

@@ -17,6 +17,7 @@ from dashred.models.shred import SHRED
 from dashred.physics.solvers.sample_step import SampleStep
 from dashred.physics.terms.library import resolve
 from dashred.pipeline.networks.fitting import FitHere, Fitting, fitting
+from dashred.pipeline.networks.training import TrainedNetwork
 from dashred.pipeline.problem import Problem
 from datamodules import RecordingDataModule, WholeRecordingDataModule
 
@@ -62,7 +63,7 @@ def plain_plan(problem: Problem, shred: SHRED, data: RecordingDataModule) -> Ass
 def dynamic_plan(
     problem: Problem,
     latent: LatentProblem,
-    shred: SHRED,
+    network: TrainedNetwork,
     data: RecordingDataModule,
     deadline: Deadline,
 ) -> AssimilationPlan:
@@ -71,7 +72,7 @@ def dynamic_plan(
     Args:
         problem: settings and recording.
         latent: problem of latent SINDy, for the scales of the terms.
-        shred: network trained on the simulation; it is not changed.
+        network: trained on the simulation; it is not changed.
         data: the recording.
         deadline: when the fit ends.
     """
@@ -86,16 +87,17 @@ def dynamic_plan(
         episodes,
         resolve(system, latent.library),
         latent.scales,
-        shred.pod.scale,
-        shred.pod.modes.shape[1],
+        network.shred.pod.scale,
+        network.shred.pod.modes.shape[1],
     )
     settings, validation = problem.config.assimilation, problem.split.validation
     module = DynamicAssimilation(
-        copy.deepcopy(shred),
+        copy.deepcopy(network.shred),
         _sensors(problem),
         max(settings.width, DYNAMIC_WIDTH),
         settings.penalty,
         windows=data.windows,
+        background=torch.tensor([network.test_rmse[name] for name in system.fields]),
         dynamics=dynamics,
         adapter=settings.adapter,
         is_over=lambda: deadline.is_over,

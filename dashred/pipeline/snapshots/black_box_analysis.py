@@ -60,7 +60,7 @@ def analyse_runs(
         worst = max(steps.errors.values())
         report(1.0, f"relative error of increments {worst:.1%} on unseen runs")
     latent = _latent_problem(problem, runs, steps)
-    assimilated, encoder = assimilation.fit_transform(problem, latent, network.shred, run, seconds)
+    assimilated, encoder = assimilation.fit_transform(problem, latent, network, run, seconds)
     compared = mismatch.compare(problem, network, runs, steps, assimilated.shred)
     fields = _estimates(problem, runs, network, assimilated, encoder)
     return BlackBoxAnalysis(runs, network, assimilated, steps, compared, fields)

@@ -26,6 +26,7 @@ from tests import ring
 from tests.models.test_assimilation import FIT, INPUTS, LAGS, VALIDATE, fitted
 
 NOISE = 0.05
+BACKGROUND = 0.2
 
 
 @pytest.fixture
@@ -86,16 +87,19 @@ def make(system, shred, data, adapter=True, is_over=lambda: False) -> DynamicAss
         32,
         0.01,
         data.windows,
+        torch.full((1,), BACKGROUND),
         dynamics,
         adapter,
         is_over,
     )
 
 
-def losses(module: DynamicAssimilation, data: RecordingDataModule) -> dict[str, Tensor]:
+def losses(
+    module: DynamicAssimilation, data: RecordingDataModule, error: float = FIRST_ERROR
+) -> dict[str, Tensor]:
     with torch.no_grad():
         latent = module.shred.encode(data.windows)
-    return module._losses(latent, data.fitted, FIRST_ERROR)
+    return module._losses(latent, data.fitted, error)
 
 
 def test_it_starts_as_shred(system, shred, data):
@@ -120,12 +124,26 @@ def test_the_loss_is_the_one_of_its_formula(system, shred, data):
         "misfit": ((data.fitted - read(fields)) / NOISE).square().mean(),
         "forecast_misfit": ((data.fitted[1:] - read(forecast)) / NOISE).square().mean(),
         "step_error": scaled.square().mean() / FIRST_ERROR**2,
+        "background": torch.zeros(()),
         "transform": torch.zeros(()),
     }
     for name, value in expected.items():
         assert float(found[name]) == pytest.approx(float(value), rel=1e-4, abs=1e-8)
     parts = [float(value) for name, value in found.items() if name != "train"]
     assert float(found["train"]) == pytest.approx(sum(parts))
+
+
+def test_the_background_is_the_estimate_of_shred(system, shred, data):
+    module = make(system, shred, data)
+    with torch.no_grad():
+        module.encoder.transform.residual[-1].bias.fill_(0.1)
+    first, later = (losses(module, data, q)["background"] for q in (FIRST_ERROR, FIRST_ERROR / 4))
+    fields, guess = (
+        reconstruct(encode, shred, data.windows) for encode in (module.encoder, shred.encode)
+    )
+    changes = (fields - guess) / (BACKGROUND * float(shred.pod.scale[0]))
+    assert float(first) == pytest.approx(float(changes.square().mean()), rel=1e-4)
+    assert float(later) == pytest.approx(float(first) / 4)
 
 
 def test_blocks_do_not_change_the_loss_or_its_gradient(system, shred, data):
@@ -177,6 +195,36 @@ def test_a_law_that_blows_up_is_dropped(system, shred, data):
     assert not module.dynamics.support.any()
     assert math.isfinite(float(trainer.callback_metrics["loss/train"]))
     assert all(bool(parameter.isfinite().all()) for parameter in module.fitted)
+
+
+def test_a_field_that_blows_up_during_the_fit_is_not_kept(system, shred, data, monkeypatch):
+    """The loss is not finite from the tenth evaluation on, as after a step that is too long."""
+    module, calls = make(system, shred, data), []
+    found = DynamicAssimilation._losses
+
+    def failing(self, latent, readings, error):
+        calls.append(error)
+        if len(calls) > 10:
+            with torch.no_grad():
+                self.fitted[0].fill_(torch.nan)
+        return found(self, latent, readings, error)
+
+    monkeypatch.setattr(DynamicAssimilation, "_losses", failing)
+    trainer = fitted(module, WholeRecordingDataModule(data), 1)
+    assert math.isfinite(float(trainer.callback_metrics["loss/train"]))
+    assert all(bool(parameter.isfinite().all()) for parameter in module.fitted)
+    assert module.fields(data.windows).isfinite().all()
+
+
+def test_the_error_of_a_step_falls_only_when_the_steps_fit(system, shred, data):
+    module = make(system, shred, data)
+    trainer = fitted(module, WholeRecordingDataModule(data), 1)
+    assert module.steps_fit == (float(trainer.callback_metrics["loss/step_error"]) <= 1)
+    module.steps_fit = False
+    assert module._next_error() == FIRST_ERROR
+    module.steps_fit = True
+    found = [module._next_error() for _ in range(5)]
+    assert found == pytest.approx([0.03, 0.009, 0.003, 0.003, 0.003])
 
 
 def test_without_an_adapter_the_decoder_stays_bit_for_bit(system, shred, data):

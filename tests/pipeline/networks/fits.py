@@ -36,5 +36,5 @@ def fit_networks(simulated: SimulationRuns) -> Networks:
     problem, run = simulated.problem, Logged()
     assert simulated.ensemble is not None
     network = train_shred(problem, simulated.ensemble, run, {}, "SHRED")
-    assimilated = assimilate(problem, simulated.nominal, network.shred, run, {})
+    assimilated = assimilate(problem, simulated.nominal, network, run, {})
     return Networks(network, assimilated, run.points)

@@ -31,7 +31,7 @@ def test_the_errors_of_every_part_and_the_law_are_logged(
     configured: Configured, found: Networks
 ) -> None:
     curves = found.assimilated.curves
-    parts = ("train", "misfit", "forecast_misfit", "step_error", "transform", "law")
+    parts = ("train", "misfit", "forecast_misfit", "step_error", "background", "transform", "law")
     for part in parts:
         assert [epoch for epoch, _ in curves[f"loss/{part}"]] == found.assimilated.epochs[:-1]
     assert len(found.assimilated.epochs) <= DYNAMIC_EPOCHS + 1

@@ -35,6 +35,6 @@ def test_the_assimilation_stays_in_float32(configured: Configured) -> None:
     full = configured()
     networks = fit_networks(full)
     mixed = configured("trainer.precision=bf16-mixed")
-    again = assimilate(mixed.problem, mixed.nominal, networks.shred.shred, NullTracker(), {})
+    again = assimilate(mixed.problem, mixed.nominal, networks.shred, NullTracker(), {})
     assert torch.equal(again.dashred, networks.assimilated.dashred)
     assert again.coefficients == networks.assimilated.coefficients
