@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import pytest
 import torch
 from lightning import Trainer
@@ -21,7 +23,7 @@ from tests.models.dynamics.test_dynamic_assimilation import data, make, real, sh
 __all__ = ["data", "real", "shred", "system"]
 
 COEFFICIENT = -0.3
-Points = list[tuple[dict[str, float], int]]
+Points = list[tuple[Mapping[str, float], int]]
 
 
 @pytest.fixture
@@ -82,9 +84,12 @@ def test_a_law_that_the_steps_do_not_fit_is_kept(callback, module, fits, kept):
 def test_the_same_field_is_simulated_once(callback, module, monkeypatch):
     runs: list[int] = []
     forecasts = SimulatorSteps.forecasts
-    monkeypatch.setattr(
-        SimulatorSteps, "forecasts", lambda *rest: runs.append(1) or forecasts(*rest)
-    )
+
+    def counted(*rest):
+        runs.append(1)
+        return forecasts(*rest)
+
+    monkeypatch.setattr(SimulatorSteps, "forecasts", counted)
     callback.on_train_epoch_end(Trainer(logger=False, accelerator="cpu"), module)
     final = callback.finish(module, 2)
     assert len(runs) == 1

@@ -7,7 +7,7 @@ import math
 
 import pytest
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.models.assimilation import AssimilationSensors
@@ -135,8 +135,9 @@ def test_the_loss_is_the_one_of_its_formula(system, shred, data):
 
 def test_the_background_is_the_estimate_of_shred(system, shred, data):
     module = make(system, shred, data)
-    with torch.no_grad():
-        module.encoder.transform.residual[-1].bias.fill_(0.1)
+    last = module.encoder.transform.residual[-1]
+    assert isinstance(last, nn.Linear)
+    nn.init.constant_(last.bias, 0.1)
     first, later = (losses(module, data, q)["background"] for q in (FIRST_ERROR, FIRST_ERROR / 4))
     fields, guess = (
         reconstruct(encode, shred, data.windows) for encode in (module.encoder, shred.encode)
