@@ -135,7 +135,11 @@ def simulator_remarks(context: CheckContext, nominal: NominalRun) -> Iterator[Re
     sensors = SensorTraces(context.sensors, sigma, limit)
     traces = sensors.read(context.system, nominal.states[None])[0]
     if not (traces.std(dim=0) > ROUNDING * traces.abs().max()).any():
-        yield warning("All simulated readings are constant", "check that the equations are written")
+        yield warning(
+            "All simulated readings are constant",
+            "check that the equations are written; if the simulator starts at rest, state the "
+            "start of the recording if you know it, and how uncertain it is in system.spread",
+        )
         return
     yield from _seam_remarks(context, nominal)
     yield _resolution_remark(context, nominal, sensors, traces)
