@@ -21,6 +21,8 @@ THIRD_DIFFERENCE_STD = math.sqrt(20.0)
 MAX_STEP_VARIATION = 0.01
 # Median absolute value of a standard normal variable.
 NORMAL_MEDIAN_ABS = 0.6744897501960817
+# Differences below this share of the largest reading are rounding errors of the subtraction.
+ROUNDING = 1e-12
 # The median of fewer differences is unreliable.
 MIN_DIFFERENCES = 20
 
@@ -30,7 +32,8 @@ def noise_std(recording: Recording, *others: Recording) -> NDArray[np.float64]:
 
     It is the stated std, or ``σ = median |Δ³y| / (0.6745 √20)``. Third differences (divided
     differences where samples are uneven) remove any quadratic over four samples, and the median
-    ignores the few outliers that a front or a spike leaves. If too few consecutive samples have
+    ignores the few outliers that a front or a spike leaves. If most readings are repeated, because
+    they are rounded to a step, σ is at least step/√12. If too few consecutive samples have
     no gap between them, the differences are taken across gaps. Readings of a system with inputs
     that change as fast as they are sampled are compared with their prediction
     (:mod:`dashred.data.fast_signals`).
@@ -94,9 +97,16 @@ def _from_differences(times: NDArray[np.float64], values: NDArray[np.float64]) -
         rough = _roughness(times[known], values[known])
     if not rough.size:
         return 0.0
-    # With coarsely rounded values the median may be zero; the mean square is not.
-    typical = float(np.median(rough)) / NORMAL_MEDIAN_ABS or float(np.sqrt(np.mean(rough**2)))
-    return typical / THIRD_DIFFERENCE_STD
+    typical, least = float(np.median(rough)), ROUNDING * float(np.nanmax(np.abs(values)))
+    if typical > least:
+        return typical / NORMAL_MEDIAN_ABS / THIRD_DIFFERENCE_STD
+    # Most readings are repeated. The mean square of the differences is not zero, but rounding to a
+    # step leaves errors of at least step/√12, which change too slowly for the differences.
+    steps = np.diff(np.unique(values[~np.isnan(values)]))
+    step = float(steps[steps > least].min(initial=np.inf))
+    if not math.isfinite(step):
+        return 0.0
+    return max(float(np.sqrt(np.mean(rough**2))) / THIRD_DIFFERENCE_STD, step / math.sqrt(12))
 
 
 def _roughness(times: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:

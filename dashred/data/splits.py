@@ -254,7 +254,7 @@ def _note(
     if not test:
         held += ", no sensor is held out"
     validated = (
-        f"{len(validate)} are used for validation"
+        f"{_counted(validate)} used for validation"
         if validate
         else f"their samples in {fit_end:.6g} < t <= {time_end:.6g} are used for validation"
     )
@@ -265,4 +265,9 @@ def _note(
     fewer = len(validate) + len(test) < wanted
     asked = f"fewer are held out than the {wanted} of splits.sensors"
     why = f" With so few sensors, {asked}." if fewer else ""
-    return f"{sensors}, {validated}, {len(test)} are test sensors; {held}.{why}"
+    kept = "1 is a test sensor" if len(test) == 1 else f"{len(test)} are test sensors"
+    return f"{sensors}, {validated}, {kept}; {held}.{why}"
+
+
+def _counted(names: Sequence[str]) -> str:
+    return f"{len(names)} {'is' if len(names) == 1 else 'are'}"

@@ -90,3 +90,10 @@ def test_nothing_to_estimate_from_is_refused(noisy):
     assert noise_std(stated).tolist() == [0.1]
     with pytest.raises(InputError, match="'s2' cannot be estimated"):
         noise_std(recording_of(*noisy, np.full(2000, 1.0)))
+
+
+def test_a_slow_signal_that_is_rounded_has_the_noise_of_rounding():
+    """Of 1000 readings of a thermometer with a step of 0.1, neighbours are nearly always equal."""
+    slow = 12.0 + 3.0 * np.linspace(0, 1, 1000)
+    found = noise_std(recording_of(np.round(slow, 1)))[0]
+    assert found == pytest.approx(0.1 / np.sqrt(12), rel=0.1)

@@ -59,7 +59,7 @@ def _draw_panel(
     axes.autoscale_view()
     others = len(order) - len(named)
     if others:
-        _add_corner_note(axes, f"grey: {others} other terms")
+        _add_corner_note(axes, f"grey: {others} other term{'s' * (others > 1)}")
     if not order:
         _add_corner_note(axes, "no term proposed at any epoch")
     _label_ends(axes, named, [last[label] for label in named])

@@ -34,6 +34,8 @@ VERDICTS = {
     "no-mismatch-seen": "the recording agrees with the simulation's snapshots",
     "unconfirmed": "an explanation fits the recording, but the held-out data contradict it",
 }
+# The meaning of missing-term for more than one.
+SEVERAL_TERMS = "terms are missing from the simulation"
 # The meaning of nothing-missing if the simulation agrees with fitted parameters.
 NOTHING_BESIDE_PARAMETERS = "the equations with the fitted parameters explain the recording"
 PARTS = {
@@ -83,6 +85,8 @@ def meaning(findings: Mapping[str, Any]) -> str:
     verdict = findings["verdict"]
     if verdict == "nothing-missing" and findings.get("fitted_parameters"):
         return NOTHING_BESIDE_PARAMETERS
+    if verdict == "missing-term" and len(findings["terms"] or ()) > 1:
+        return SEVERAL_TERMS
     return VERDICTS.get(verdict, "see findings.json")
 
 
@@ -260,10 +264,8 @@ def other_laws(findings: Mapping[str, Any]) -> list[str]:
     laws = [other for other in others if other["terms"] or findings["terms"]]
     if laws and not equal and not rivals:
         nearest = min(laws, key=lambda other: other["delta_bic"])
-        lines.append(
-            f"The next best explanation, {alternative_text(nearest)}, "
-            f"is worse by ΔBIC {_difference(nearest)}."
-        )
+        law = alternative_text(nearest) if nearest["terms"] else "that nothing is missing"
+        lines.append(f"The next best explanation, {law}, is worse by ΔBIC {_difference(nearest)}.")
     return lines
 
 

@@ -10,7 +10,7 @@ from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.remark import Remark
 from dashred.pipeline.check.simulator_checks.observability import Observability
 from dashred.pipeline.check.simulator_checks.simulator import NominalRun
-from dashred.pipeline.time_shares import budget_seconds
+from dashred.pipeline.time_shares import ENDS, budget_seconds
 
 # Seconds of overhead per run: imports, figures, MLflow.
 OVERHEAD = 12.0
@@ -30,8 +30,21 @@ CLEAR, HARD = 20.0, 180.0
 def run_time_remark(
     context: CheckContext, nominal: NominalRun, observed: Observability | None
 ) -> Remark:
-    """Return the range from a clear case to one whose causes are hard to tell apart."""
+    """Return the range from a clear case to one whose causes are hard to tell apart.
+
+    A run is refused if its first simulation alone would take longer than all of them may.
+    """
     config, samples = context.config, len(context.times)
+    limit = budget_seconds(config)
+    alone, allowed = samples * nominal.sample_seconds, ENDS["simulate"] * limit
+    if alone > allowed:
+        return Remark(
+            f"A simulation of the record takes about {_rounded_duration(alone)}, and the first "
+            f"simulations of a run may take {_rounded_duration(allowed)} of its {limit:g} s",
+            "error",
+            "give more time (budget=SECONDS), state a longer system.integrator.dt if it resolves "
+            "the record, take a coarser grid, or a part of the recording (recording.end)",
+        )
     training = 1.5 * _training(config)
     members = config.simulation.members + config.surrogate.members
     ensembles = BATCHED * members * samples * nominal.sample_seconds
@@ -39,7 +52,6 @@ def run_time_remark(
     columns = (0 if observed is None else observed.prior_size) + len(context.library)
     linearisation = column * samples * columns
     fixed = OVERHEAD + training + ensembles
-    limit = budget_seconds(config)
     least, most = (min(limit, fixed + share * math.sqrt(linearisation)) for share in (CLEAR, HARD))
     return Remark(
         f"About {_rounded_duration(least)} if one cause stands out, about "
