@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from dashred.core.errors import InputError
+from dashred.physics.expressions.algebra import names
 from dashred.physics.system import System, Term
 from dashred.physics.terms.column_blocks import in_blocks
 from dashred.physics.terms.library import evaluate_terms
@@ -17,12 +18,18 @@ COLLINEARITY_TOLERANCE = 1e-9
 
 
 def uninformative_terms(
-    system: System, library: Sequence[Term], states: Tensor, t: float | Tensor
+    system: System,
+    library: Sequence[Term],
+    states: Tensor,
+    t: float | Tensor,
+    moved: Tensor | None = None,
 ) -> dict[Term, str | Term]:
     """Return the terms that data like the simulation cannot identify, each with the reason.
 
     The column of such a term on the states ``(batch, field, *grid)`` vanishes, is not finite, or
     is proportional to the column of an earlier term of the equation, which is then the reason.
+    Two fields may be equal in a simulation that lacks what makes them differ. Terms of different
+    fields count as proportional only if they are so on other states, too.
 
     Args:
         system: the simulator.
@@ -30,6 +37,7 @@ def uninformative_terms(
         states: ``(batch, field, *grid)``.
         t: one time for all states, or the time of each, ``(batch,)``; terms with inputs need the
             latter, because an input is constant at a single time.
+        moved: other states, each field moved by itself, same shape; None without any.
     """
     is_finite = torch.ones(len(library), dtype=torch.bool)
     vanishes = is_finite.clone()
@@ -58,18 +66,33 @@ def uninformative_terms(
             if alike[later, earlier] and other.equation == term.equation and other not in why:
                 why[term] = other
                 break
+    if moved is not None:
+        for term, reason in list(why.items()):
+            if isinstance(reason, str) or not _differ_in_fields(system, term, reason):
+                continue
+            if term not in uninformative_terms(system, (reason, term), moved, t):
+                del why[term]
     return why
 
 
+def _differ_in_fields(system: System, *terms: Term) -> bool:
+    one, other = (names(system.resolve(term.expression, "library")) for term in terms)
+    return one & set(system.fields) != other & set(system.fields)
+
+
 def check_collinear(
-    system: System, library: Sequence[Term], states: Tensor, t: float | Tensor
+    system: System,
+    library: Sequence[Term],
+    states: Tensor,
+    t: float | Tensor,
+    moved: Tensor | None = None,
 ) -> None:
     """Check that no columns are proportional on the simulation: data could not distinguish them.
 
     Raises:
         InputError: two columns are proportional, or one is zero or not finite.
     """
-    for term, why in uninformative_terms(system, library, states, t).items():
+    for term, why in uninformative_terms(system, library, states, t, moved).items():
         where = system.where(f"library.{term.equation}")
         if isinstance(why, str):
             fault, hint = f"the term {str(term)!r} {why} on the simulation", "remove it"

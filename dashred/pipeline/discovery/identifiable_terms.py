@@ -43,8 +43,8 @@ def keep_identifiable_terms(problem: Problem, samples: StateSamples) -> Problem:
     arguments = samples.states, samples.times
     if problem.config.library is not None:
         listed = [term for term in library if term not in problem.extensions]
-        check_collinear(samples.system, listed, *arguments)
-    left_out = uninformative_terms(samples.system, library, *arguments)
+        check_collinear(samples.system, listed, *arguments, samples.moved)
+    left_out = uninformative_terms(samples.system, library, *arguments, samples.moved)
     if problem.config.library is None:
         kept = [term for term in library if term not in left_out]
         left_out |= alike_on_readings(problem, kept)

@@ -53,9 +53,15 @@ def draw_fields(problem: Problem, by_method: Mapping[str, Tensor]) -> Figure:
         coordinates[axis.name],
         fields,
         {field: [x for (x,) in positions] for field, positions in places.items()},
-        meanings={f: label_with_unit(meaning, units.get(f)) for f, meaning in meanings.items()},
+        labels={f: _field_label(f, meaning, units.get(f)) for f, meaning in meanings.items()},
         clock=time_label(units),
     )
+
+
+def _field_label(field: str, meaning: str, unit: str | None) -> str:
+    """Return the name of a field with its meaning, if that is another word, and its unit."""
+    named = label_with_unit(meaning, unit)
+    return named if meaning == field else f"{field}\n{named}"
 
 
 def draw_where(problem: Problem, analysis: Analysis, where: Where) -> Figure:

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from dashred.physics.backends.input_signals import InputSignals
 from dashred.physics.expressions.algebra import names
+from dashred.physics.runs.initial_state_prior import StartPrior
 from dashred.physics.system import System
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
@@ -21,6 +22,8 @@ MOST_SAMPLES = 500
 # the recorded ones than this many standard deviations say nothing about the size of a term, and
 # those of a term of high order would be all that counts. So many samples have to remain.
 FARTHEST, FEWEST = 5.0, 20
+# Random changes of the start, which are added to the states.
+CHANGES = 8
 
 
 @dataclass(frozen=True)
@@ -31,11 +34,13 @@ class StateSamples:
         system: the simulator; its inputs cover the times.
         states: ``(sample, field, *grid)``.
         times: ``(sample,)``.
+        moved: the same states, moved by random changes of the start; None without any.
     """
 
     system: System
     states: Tensor
     times: Tensor
+    moved: Tensor | None = None
 
 
 def state_samples(problem: Problem, nominal: NominalRun) -> StateSamples:
@@ -48,7 +53,9 @@ def state_samples(problem: Problem, nominal: NominalRun) -> StateSamples:
     episodes, paths = problem.episodes, nominal.references
     kept = [_within_range(episode, path) for episode, path in zip(episodes, paths, strict=True)]
     if len(episodes) == 1 or _depends_on_time(problem):
-        return StateSamples(problem.system, paths[0][kept[0]], problem.times[kept[0]])
+        states = paths[0][kept[0]]
+        times, moved = problem.times[kept[0]], moved_states(nominal.prior, states)
+        return StateSamples(problem.system, states, times, moved)
     stride = -(-sum(map(len, paths)) // max(MOST_SAMPLES, len(paths[0])))
     begin, clocks, signals = 0.0, [], []
     for episode, path, mine in zip(episodes, paths, kept, strict=True):
@@ -62,7 +69,13 @@ def state_samples(problem: Problem, nominal: NominalRun) -> StateSamples:
     system = problem.system
     if system.inputs:
         system = system.with_input_signals(_end_to_end(signals, list(system.inputs)))
-    return StateSamples(system, states, torch.cat(clocks))
+    return StateSamples(system, states, torch.cat(clocks), moved_states(nominal.prior, states))
+
+
+def moved_states(prior: StartPrior, states: Tensor) -> Tensor:
+    """Return states to which random changes of the start are added, a few in turn."""
+    changes = prior.draw(CHANGES, np.random.default_rng(0)) - prior.centre
+    return states + changes[torch.arange(len(states)) % CHANGES]
 
 
 def _within_range(episode: Problem, path: Tensor) -> Tensor:

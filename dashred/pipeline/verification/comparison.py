@@ -63,13 +63,15 @@ def confirmed(
     comparisons: Sequence[Comparison],
     misfits: Mapping[str, float],
     is_local: bool,
+    noise: float,
 ) -> Verdict:
     """Return the verdict; ``unconfirmed`` if the held-out data contradict it.
 
     That an effect is outside of the library is not contradicted by the failure of the nearest law.
 
     If only sensors err, the simulator is right. It then agrees with the sensors that no fit has
-    used. One of these may err itself, but not beside a fitted sensor that errs.
+    used. One of these may err itself, but not beside a fitted sensor that errs. It also predicts
+    the sound sensors better than a constant would.
 
     Args:
         verdict: states a law, or that only sensors err, or something else.
@@ -78,6 +80,7 @@ def confirmed(
         comparisons: of the held-out data.
         misfits: of the test sensors, as returned by :func:`misfits_at_sensors`.
         is_local: whether sensors that no fit has used err next to fitted sensors that err.
+        noise: σ of the sensors, in standard deviations of their readings.
     """
     if verdict == "outside-library" and "terms" not in causes[0]:
         return verdict
@@ -86,7 +89,9 @@ def confirmed(
     if verdict != "sensor-fault":
         return verdict
     is_missed = bool(misfits) and median(misfits.values()) > MAX_MISFIT
-    return "unconfirmed" if is_missed or is_local else verdict
+    useless = max(SATURATED, MAX_MISFIT * noise)
+    predicts = not comparisons or any(c["after"] < useless for c in comparisons)
+    return "unconfirmed" if is_missed or is_local or not predicts else verdict
 
 
 def misfits_at_sensors(

@@ -82,7 +82,8 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     misfits = misfits_at_sensors(predictions["test_sensors"], noise)
     faults = [] if kind == "not-converged" else held_out_faults(problem, analysis)
     is_local = err_next_to(problem, discovered.best.faults, faults)
-    kind = confirmed(kind, causes, discovered.best, comparisons, misfits, is_local)
+    share = float((problem.noise_of(names) / scale).median())
+    kind = confirmed(kind, causes, discovered.best, comparisons, misfits, is_local, share)
     kind, causes = with_faults(kind, causes, map(problem.fault_details, faults))
     law, std = discovered.best, discovered.noise.std[: len(names)]
     # Without a law that is told, its numerical error says nothing.

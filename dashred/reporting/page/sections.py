@@ -26,8 +26,8 @@ CAUSES = {
     "sensor-fault": "a faulty sensor",
     "outside-library": "an effect outside of the library",
 }
-# Residuals larger than the noise by less than this factor count as noise.
-NOISE_RATIO = 1.02
+# Residuals larger than the noise by less than this factor count as noise, which is an estimate.
+NOISE_RATIO = 1.2
 # A smaller correlation of the residuals is not reported.
 MIN_CORRELATION = 0.1
 # Less probable causes are listed together.

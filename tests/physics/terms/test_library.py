@@ -268,3 +268,21 @@ def test_a_library_without_terms_is_refused(make_system):
     with pytest.raises(InputError, match="the library has no terms") as e:
         build_library(system, {"u": [], "v": []})
     assert "default terms" in str(e.value.hint)
+
+
+def test_terms_of_two_fields_that_are_equal_in_the_simulation_are_kept(make_system):
+    """Two species that only a missing reaction tells apart; abs(u) is u where u is positive."""
+    system = declare(make_system, AXES[1], "uv")
+    library = build_library(system, {"u": ["u**3", "u*v**2", "u**2*abs(u)"]})
+    equal = random_states(system)[:, :1].abs().expand(-1, 2, -1).contiguous()
+    left_out = uninformative_terms(system, library, equal, 0.0)
+    assert [str(term) for term in left_out] == ["u*v**2", "u**2*abs(u)"]
+    moved = equal + 0.1 * random_states(system, 1)
+    left_out = uninformative_terms(system, library, equal, 0.0, moved)
+    assert [str(term) for term in left_out] == ["u**2*abs(u)"]
+    with pytest.raises(InputError, match="proportional"):
+        check_collinear(system, library[:2], equal, 0.0)
+    check_collinear(system, library[:2], equal, 0.0, moved)
+    # Where both fields move in the same way, nothing tells the terms apart.
+    left_out = uninformative_terms(system, library, equal, 0.0, 2 * equal)
+    assert [str(term) for term in left_out] == ["u*v**2", "u**2*abs(u)"]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from dashred.core.findings.cause_schema import Cause, Verdict
 from dashred.core.findings.schema import Comparison
+from dashred.inference.fit.law import Law
 from dashred.pipeline.verification import comparison
 from dashred.pipeline.verification.comparison import compare_held_out, misfits_at_sensors
 from dashred.pipeline.verification.predictions import Array, Predictions
@@ -139,9 +139,15 @@ def test_only_a_verdict_with_a_law_becomes_unconfirmed(tmp_path: Path) -> None:
     better = compared(predictions(np.full(80, 0.5), np.full(80, 0.2)))
     far = {"s1": 9.0}
 
-    def confirmed(kind: Verdict, *rest: Any) -> Verdict:
+    def confirmed(
+        kind: Verdict,
+        law: Law,
+        comparisons: list[Comparison],
+        misfits: dict[str, float],
+        is_local: bool,
+    ) -> Verdict:
         told: Cause = {"kind": kind, "probability": 1.0, "where": None, "terms": ["u: u"]}
-        return comparison.confirmed(kind, [told], *rest)
+        return comparison.confirmed(kind, [told], law, comparisons, misfits, is_local, 0.01)
 
     assert confirmed("missing-term", law, [better, worse], {}, False) == "unconfirmed"
     assert confirmed("ambiguous", law, [worse], {}, False) == "unconfirmed"
@@ -161,7 +167,7 @@ def test_an_effect_outside_of_the_library_stays_so_if_the_nearest_law_fails(
     extended: Cause = {**unexplained, "terms": ["u: u"]}
 
     def kind(cause: Cause) -> str:
-        return comparison.confirmed("outside-library", [cause], law, [worse], {}, False)
+        return comparison.confirmed("outside-library", [cause], law, [worse], {}, False, 0.01)
 
     assert kind(unexplained) == "outside-library"
     assert kind(extended) == "unconfirmed"
@@ -169,7 +175,7 @@ def test_an_effect_outside_of_the_library_stays_so_if_the_nearest_law_fails(
 
 def test_sensor_faults_alone_are_unconfirmed_if_other_sensors_disagree() -> None:
     def kind(misfits: dict[str, float], is_local: bool) -> str:
-        return comparison.confirmed("sensor-fault", [], laws.law(), [], misfits, is_local)
+        return comparison.confirmed("sensor-fault", [], laws.law(), [], misfits, is_local, 0.01)
 
     assert kind({"s1": 9.0}, False) == "unconfirmed"
     assert kind({"s1": np.inf, "s2": 4.0, "s3": 1.0}, False) == "unconfirmed"
@@ -177,6 +183,19 @@ def test_sensor_faults_alone_are_unconfirmed_if_other_sensors_disagree() -> None
     # A test sensor may err itself.
     assert kind({"s1": 30.0, "s2": 1.0, "s3": 1.1}, False) == "sensor-fault"
     assert kind({}, False) == "sensor-fault"
+
+
+@pytest.mark.parametrize(
+    ("error", "noise", "expected"),
+    [(0.4, 0.1, "sensor-fault"), (1.4, 0.1, "unconfirmed"), (1.4, 0.9, "sensor-fault")],
+)
+def test_a_simulator_that_is_no_better_than_a_constant_confirms_no_sensor_fault(
+    error: float, noise: float, expected: str
+) -> None:
+    """Readings of which nine tenths are noise say nothing about that."""
+    same = compared(predictions(np.full(80, error), np.full(80, error)))
+    found = comparison.confirmed("sensor-fault", [], laws.law(), [same], {}, False, noise)
+    assert found == expected
 
 
 @pytest.mark.parametrize(("shift", "expected"), [(0.0, 1.0), (0.4, np.hypot(8, 1))])

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from dashred.core.formatting import pretty
 from dashred.reporting.figures.coefficients import spread_out
+from dashred.reporting.figures.fields.cells import scale_reference
 from dashred.reporting.figures.save import (
     LatentPath,
     SensorError,
@@ -50,7 +51,7 @@ def texts(figure: Figure) -> str:
 def space_time() -> Figure:
     kinds = {"truth": TRUTH, "shred": TRUTH + 0.5 * TRUTH.std(), "dashred": TRUTH}
     return space_time_panels(
-        TIMES, "x", X, {"u": kinds}, {"u": [1.0, 2.0]}, meanings={"u": "energy"}, time_end=8.0
+        TIMES, "x", X, {"u": kinds}, {"u": [1.0, 2.0]}, labels={"u": "u\nenergy"}, time_end=8.0
     )
 
 
@@ -325,3 +326,10 @@ def test_a_force_over_time_is_drawn_for_the_equations_that_it_acts_in() -> None:
     [axes] = figure.axes
     np.testing.assert_allclose(np.asarray(axes.lines[0].get_ydata(), float), value)
     assert axes.get_xlabel() == "time [s]"
+
+
+def test_the_best_estimate_sets_the_colour_scale() -> None:
+    kinds = {"simulation": np.zeros(3), "shred": np.ones(3), "corrected": np.full(3, 2.0)}
+    assert scale_reference(kinds)[0] == 2.0
+    assert scale_reference(kinds | {"truth": np.full(3, 4.0)})[0] == 4.0
+    assert scale_reference({"simulation": np.zeros(3), "shred": np.ones(3)})[0] == 0.0

@@ -105,7 +105,7 @@ def found(**changed: Any) -> Any:
 def test_the_summary_begins_with_what_matters_most() -> None:
     lines = summary(found(), None, {}).splitlines()
     assert lines[:5] == [
-        "Verdict: missing-term: a term is missing from the simulation.",
+        "Verdict: missing-term: terms are missing from the simulation.",
         f"  The simulation leaves out {TERM['says']}.",
         "  A parameter has a wrong value: nu is 0.0500 ± 0.0004, not 0.035.",
         "  The next best explanation, u: −0.0312·u², is worse by ΔBIC 34.",
@@ -274,7 +274,7 @@ def test_nothing_in_findings_becomes_markup(tmp_path: Path) -> None:
 def test_the_page_tells_the_law_its_rivals_the_proof_and_where_it_comes_from(page: Page) -> None:
     words = page.words
     assert "Front <in> a ring & more: the simulation compared with the recording" in words
-    first = words.index("Verdict: missing-term: a term is missing from the simulation.")
+    first = words.index("Verdict: missing-term: terms are missing from the simulation.")
     titles = [
         "Where",
         "What",

@@ -30,6 +30,7 @@ from dashred.pipeline.check.remark import Remark, shortened, warning
 from dashred.pipeline.check.simulator_checks.nodes import node_remarks
 from dashred.pipeline.discovery.identifiable_terms import alike_on_readings
 from dashred.pipeline.simulation.resolution_check import SensorTraces
+from dashred.pipeline.simulation.state_samples import moved_states
 
 # Time budgets of the nominal run and of the run at doubled resolution, in seconds.
 NOMINAL_SECONDS, DOUBLED_SECONDS = 2.0, 3.0
@@ -164,7 +165,8 @@ def _library_remarks(context: CheckContext, nominal: NominalRun) -> Iterator[Rem
     # Terms that a part of the record cannot separate may be separated by the whole of it.
     if len(nominal.times) < len(context.times) or zero_equations(context.config):
         return
-    arguments = context.system, context.library, nominal.states, nominal.times
+    moved = moved_states(nominal.prior, nominal.states)
+    arguments = context.system, context.library, nominal.states, nominal.times, moved
     try:
         if context.config.library is not None:
             check_collinear(*arguments)

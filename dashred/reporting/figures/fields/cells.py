@@ -1,5 +1,7 @@
 """Cells of an image whose values are given at points."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
@@ -21,3 +23,13 @@ def frame_points(axes: Axes, x: Points, y: Points) -> None:
 def _edges(points: Points) -> tuple[float, float]:
     half = float(points[-1] - points[0]) / (len(points) - 1) / 2
     return float(points[0]) - half, float(points[-1]) + half
+
+
+def scale_reference(kinds: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return the values of a field that alone set its colour scale.
+
+    These are the truth or, without it, the corrected simulation or else the first method, so that
+    a bad estimate does not set the scale.
+    """
+    best = (kinds[name] for name in ("truth", "corrected") if name in kinds)
+    return next(best, next(iter(kinds.values())))

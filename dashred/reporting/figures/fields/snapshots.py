@@ -9,7 +9,12 @@ from matplotlib.figure import Figure
 
 from dashred.core.findings.methods import method_label
 from dashred.core.units import NO_UNITS, TIME, label_with_unit, with_unit
-from dashred.reporting.figures.fields.cells import Extent, frame_points, image_extent
+from dashred.reporting.figures.fields.cells import (
+    Extent,
+    frame_points,
+    image_extent,
+    scale_reference,
+)
 from dashred.reporting.figures.style import new_figure, style
 
 Field = Float[np.ndarray, "time x y"]
@@ -69,9 +74,7 @@ def _draw_row(
     frame: Extent,
     label: str,
 ) -> None:
-    # The reference alone sets the scale, so that a bad reconstruction does not.
-    reference = kinds.get("truth", next(iter(kinds.values())))
-    low, high = np.nanpercentile(reference[index], (0.2, 99.8))
+    low, high = np.nanpercentile(scale_reference(kinds)[index], (0.2, 99.8))
     middle = (low + high) / 2
     half = max((high - low) / 2, 1e-12)
     for axes, method in zip(line, columns, strict=True):

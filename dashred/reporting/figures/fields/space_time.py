@@ -10,7 +10,12 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from dashred.core.findings.methods import method_label
-from dashred.reporting.figures.fields.cells import Extent, frame_points, image_extent
+from dashred.reporting.figures.fields.cells import (
+    Extent,
+    frame_points,
+    image_extent,
+    scale_reference,
+)
 from dashred.reporting.figures.style import GREY, new_figure, style
 
 Field = Float[np.ndarray, "time x"]
@@ -28,7 +33,7 @@ def space_time_panels(
     fields: Mapping[str, Mapping[str, Field]],
     sensors: Mapping[str, Sequence[float]],
     *,
-    meanings: Mapping[str, str] | None = None,
+    labels: Mapping[str, str] | None = None,
     time_end: float | None = None,
     clock: str = "time",
 ) -> Figure:
@@ -43,11 +48,11 @@ def space_time_panels(
         x: positions.
         fields: values by field and method.
         sensors: positions of the sensors of each field, marked at the left edge.
-        meanings: meaning of each field, for labels.
+        labels: label of each field; by default its name.
         time_end: end of the fit window, marked by a dashed line.
         clock: label of the time axis.
     """
-    meanings = meanings or {}
+    labels = labels or {}
     columns = list(dict.fromkeys(method for kinds in fields.values() for method in kinds))
     with_error = any("truth" in kinds and len(kinds) > 1 for kinds in fields.values())
     rows = len(fields) * (2 if with_error else 1)
@@ -57,8 +62,7 @@ def space_time_panels(
         frame = image_extent(times, x)
         for index, (field, kinds) in enumerate(fields.items()):
             top = index * (2 if with_error else 1)
-            named = f"{field}\n{meanings[field]}" if field in meanings else field
-            _draw_values(figure, grid[top], kinds, columns, frame, named)
+            _draw_values(figure, grid[top], kinds, columns, frame, labels.get(field, field))
             if with_error:
                 _draw_errors(figure, grid[top + 1], kinds, columns, frame, field)
             for axes in grid[top]:
@@ -85,9 +89,7 @@ def _draw_values(
     frame: Extent,
     label: str,
 ) -> None:
-    # The reference alone sets the scale, so that a bad reconstruction does not.
-    reference = kinds.get("truth", next(iter(kinds.values())))
-    limits = tuple(np.nanpercentile(reference, (0.2, 99.8)))
+    limits = tuple(np.nanpercentile(scale_reference(kinds), (0.2, 99.8)))
     if not limits[1] > limits[0]:
         limits = (limits[0] - 0.5, limits[0] + 0.5)
     for axes, method in zip(row, columns, strict=True):
