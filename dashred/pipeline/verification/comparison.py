@@ -33,6 +33,8 @@ SATURATED = 1.0
 # If only sensors err, the error at a test sensor is below this many standard deviations of noise.
 # The uncertainty of the start adds to it.
 MAX_MISFIT = 3.0
+# An error in held-out time of less than this many standard deviations of noise is noise alone.
+NOISE_ALONE = 1.2
 # A verdict that states a law may be rejected by held-out data.
 LAWS: tuple[Verdict, ...] = ("missing-term", "parameter", "outside-library", "ambiguous")
 
@@ -89,7 +91,7 @@ def confirmed(
     if verdict != "sensor-fault":
         return verdict
     is_missed = bool(misfits) and median(misfits.values()) > MAX_MISFIT
-    useless = max(SATURATED, MAX_MISFIT * noise)
+    useless = max(SATURATED, NOISE_ALONE * noise)
     predicts = not comparisons or any(c["after"] < useless for c in comparisons)
     return "unconfirmed" if is_missed or is_local or not predicts else verdict
 

@@ -187,12 +187,12 @@ def test_sensor_faults_alone_are_unconfirmed_if_other_sensors_disagree() -> None
 
 @pytest.mark.parametrize(
     ("error", "noise", "expected"),
-    [(0.4, 0.1, "sensor-fault"), (1.4, 0.1, "unconfirmed"), (1.4, 0.9, "sensor-fault")],
+    [(0.4, 0.1, "sensor-fault"), (1.3, 0.5, "unconfirmed"), (1.05, 0.95, "sensor-fault")],
 )
 def test_a_simulator_that_is_no_better_than_a_constant_confirms_no_sensor_fault(
     error: float, noise: float, expected: str
 ) -> None:
-    """Readings of which nine tenths are noise say nothing about that."""
+    """Of readings that are noise alone, the error is 1."""
     same = compared(predictions(np.full(80, error), np.full(80, error)))
     found = comparison.confirmed("sensor-fault", [], laws.law(), [same], {}, False, noise)
     assert found == expected
