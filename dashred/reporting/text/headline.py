@@ -15,6 +15,7 @@ from dashred.reporting.text.improvement import (
     is_confirmed,
     is_lost,
     is_unsupported,
+    names_nearest_law,
 )
 from dashred.reporting.text.parameters import short_parameter_text
 from dashred.reporting.text.sources import short_source_text
@@ -130,7 +131,7 @@ def _conclusion(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
         case "unconfirmed" if not terms:
             return (
                 "there is no confirmed result: faulty sensors would explain the readings used in "
-                "the fit, but sensors not used in any fit disagree with the simulation, too"
+                "the fit, but held-out data disagree with the simulation, too"
             )
         case "unconfirmed":
             return (
@@ -156,7 +157,9 @@ def _faults(findings: Mapping[str, Any]) -> str | None:
     units = findings.get("units", NO_UNITS)
     texts = "; ".join(filter(None, (cause_text(fault, units) for fault in faults)))
     number = "a sensor is faulty" if len(faults) == 1 else f"{len(faults)} sensors are faulty"
-    return f"{number}: {texts}"
+    # What the nearest law does not explain may look like the error of a sensor.
+    under = "under the nearest law, " if names_nearest_law(findings) else ""
+    return f"{under}{number}: {texts}"
 
 
 def _listed(parts: Sequence[str], mostly: Sequence[str] = ()) -> str:

@@ -11,6 +11,8 @@ from dashred.core.units import NO_UNITS, TIME, with_unit
 HUGE = 1e4
 # A ratio of errors nearer to 1 than this counts as no difference.
 SAME = 0.95
+# Error of the mean of the readings, in their standard deviations.
+OF_THE_MEAN = 1.0
 # Verdicts for a simulator that is given as snapshots: no law was fitted through it.
 UNTESTED = ("mismatch", "no-mismatch-seen")
 # Verdicts whose correction is a start or a sensor.
@@ -123,15 +125,27 @@ def contradictions(findings: Mapping[str, Any]) -> list[str]:
     if is_confirmed(findings):
         return []
     if not findings["terms"]:
-        misfits = findings["fit"]["misfit_at_test_sensors"] or {}
-        errors = ", ".join(f"{_size(misfit)} at {name}" for name, misfit in misfits.items())
-        return [
-            "If only these sensors erred, the simulation would agree with the sensors that no fit "
-            "has used, or only distant ones would err as well. It does not: an effect that the "
-            "simulation lacks is more likely. Errors in standard deviations of the noise: "
-            f"{errors}."
-        ]
+        return [_contradicted_faults(findings["fit"])]
     return [_contradiction(each) for each in findings["fit"]["comparisons"] if each["worse"]]
+
+
+def _contradicted_faults(fit: Mapping[str, Any]) -> str:
+    """Return why not only sensors err."""
+    likely = "It does not: an effect that the simulation lacks is more likely."
+    # None is the error of a run that blows up.
+    errors = [each["after"] for each in fit.get("comparisons", ())]
+    if errors and all(error is None or error >= OF_THE_MEAN for error in errors):
+        return (
+            "If only these sensors erred, the simulation would predict the others better than "
+            f"their mean does. {likely}"
+        )
+    misfits = fit["misfit_at_test_sensors"] or {}
+    each = ", ".join(f"{_size(misfit)} at {name}" for name, misfit in misfits.items())
+    return (
+        "If only these sensors erred, the simulation would agree with the sensors that no fit "
+        f"has used, or only distant ones would err as well. {likely} Errors in standard deviations "
+        f"of the noise: {each}."
+    )
 
 
 def _contradiction(compared: Mapping[str, Any]) -> str:

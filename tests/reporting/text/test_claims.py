@@ -169,7 +169,13 @@ def test_unconfirmed_faults_are_told_with_the_misfits_at_the_test_sensors() -> N
     ]
     assert headline(told) == (
         "There is no confirmed result: faulty sensors would explain the readings used in the fit, "
-        "but sensors not used in any fit disagree with the simulation, too."
+        "but held-out data disagree with the simulation, too."
+    )
+    useless: Any = BETTER | {"data": "heldout_time", "after": 1.3}
+    told["fit"]["comparisons"] = [useless, useless | {"after": None}]
+    assert verdict_lines(told)[1] == (
+        "  If only these sensors erred, the simulation would predict the others better than their "
+        "mean does. It does not: an effect that the simulation lacks is more likely."
     )
     confirmed = verdict_lines(told | {"verdict": "sensor-fault"})
     assert "  The readings of sensor s08 wander." in confirmed
@@ -309,3 +315,23 @@ def test_further_supported_terms_are_listed_after_the_law() -> None:
     assert line in text_of(told) and line in page(told, {}, "")
     assert "does not need this term." in text_of(found(also_supported=more[:1]))
     assert "Also supported" not in text_of(found())
+
+
+def test_a_fault_beside_the_nearest_law_is_told_as_such() -> None:
+    fault = {
+        "kind": "sensor-fault",
+        "probability": 0.93,
+        "fault": "bias",
+        "sensor": "s1",
+        "value": 3.0,
+        "std": None,
+        "reads": "u",
+        "from": None,
+        "axis": None,
+        "episode": None,
+    }
+    outside = {"kind": "outside-library", "probability": 0.93}
+    told = found(verdict="outside-library", causes=[outside, fault])
+    assert "Under the nearest law, a sensor is faulty: sensor s1 has a bias of 3." in headline(told)
+    law = told | {"verdict": "missing-term"}
+    assert "A sensor is faulty: sensor s1 has a bias of 3." in headline(law)
