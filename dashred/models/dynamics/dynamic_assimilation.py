@@ -20,6 +20,8 @@ FIRST_ERROR, LEAST_ERROR, ANNEALING = 0.1, 0.003, 0.3
 ITERATIONS, AT_ONCE, MEMORY = 120, 10, 100
 # Loss of a field from which the simulator blows up.
 REFUSED = 1e30
+# Least error of the background, in std of a field: SHRED knows a field that never changes exactly.
+LEAST_BACKGROUND = 1e-3
 # Weight of the squared law, in units of the scales. It keeps terms that nothing determines small.
 LAW_PENALTY = 1e-3
 
@@ -83,7 +85,8 @@ class DynamicAssimilation(Assimilation):
             states = shred.encode(windows)
         guess = reconstruct(shred.encode, shred, windows)
         self.register_buffer("first_guess", guess, persistent=False)
-        self.register_buffer("background", background * dynamics.spread, persistent=False)
+        least = background.clamp(min=LEAST_BACKGROUND)
+        self.register_buffer("background", least * dynamics.spread, persistent=False)
         transform = self.encoder.transform
         transform.residual = nn.Sequential(Whitening(states), *transform.residual)
         self.fitted = [*transform.parameters(), dynamics.law]

@@ -65,7 +65,9 @@ def short(monkeypatch):
     monkeypatch.setattr(dynamic_assimilation, "ITERATIONS", 40)
 
 
-def make(system, shred, data, adapter=True, is_over=lambda: False) -> DynamicAssimilation:
+def make(
+    system, shred, data, adapter=True, is_over=lambda: False, background=BACKGROUND
+) -> DynamicAssimilation:
     library = ring.library(system)
     dynamics = SampledDynamics(
         [EpisodeSteps(SampleStep(system, 0.1), ring.TIMES, 0)],
@@ -87,7 +89,7 @@ def make(system, shred, data, adapter=True, is_over=lambda: False) -> DynamicAss
         32,
         0.01,
         data.windows,
-        torch.full((1,), BACKGROUND),
+        torch.full((1,), background),
         dynamics,
         adapter,
         is_over,
@@ -145,6 +147,11 @@ def test_the_background_is_the_estimate_of_shred(system, shred, data):
     changes = (fields - guess) / (BACKGROUND * float(shred.pod.scale[0]))
     assert float(first) == pytest.approx(float(changes.square().mean()), rel=1e-4)
     assert float(later) == pytest.approx(float(first) / 4)
+
+
+def test_an_estimate_without_error_leaves_the_loss_finite(system, shred, data):
+    found = losses(make(system, shred, data, background=0.0), data)
+    assert all(bool(value.isfinite()) for value in found.values())
 
 
 def test_blocks_do_not_change_the_loss_or_its_gradient(system, shred, data):

@@ -37,7 +37,8 @@ def run_time_remark(
     config, samples = context.config, len(context.times)
     limit = budget_seconds(config)
     alone, allowed = samples * nominal.sample_seconds, ENDS["simulate"] * limit
-    if alone > allowed:
+    # A program that takes too long is run over segments only.
+    if context.system.program is None and alone > allowed:
         return Remark(
             f"A simulation of the record takes about {_rounded_duration(alone)}, and the first "
             f"simulations of a run may take {_rounded_duration(allowed)} of its {limit:g} s",
