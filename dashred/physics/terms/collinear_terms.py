@@ -11,8 +11,10 @@ from dashred.core.errors import InputError
 from dashred.physics.expressions.algebra import names
 from dashred.physics.system import System, Term
 from dashred.physics.terms.column_blocks import in_blocks
-from dashred.physics.terms.library import evaluate_terms
+from dashred.physics.terms.library import calls, evaluate_terms
 
+# Functions that differ from a power only where their argument changes its sign.
+KINKS = frozenset({"abs", "sign"})
 # Columns with a larger cosine of their angle, up to this, are proportional.
 COLLINEARITY_TOLERANCE = 1e-9
 
@@ -29,7 +31,7 @@ def uninformative_terms(
     The column of such a term on the states ``(batch, field, *grid)`` vanishes, is not finite, or
     is proportional to the column of an earlier term of the equation, which is then the reason.
     Two fields may be equal in a simulation that lacks what makes them differ. Terms of different
-    fields count as proportional only if they are so on other states, too.
+    fields, without kinks, count as proportional only if they are so on other states, too.
 
     Args:
         system: the simulator.
@@ -76,8 +78,10 @@ def uninformative_terms(
 
 
 def _differ_in_fields(system: System, *terms: Term) -> bool:
-    one, other = (names(system.resolve(term.expression, "library")) for term in terms)
-    return one & set(system.fields) != other & set(system.fields)
+    """Return whether both have fields, other ones, and no kinks, which other states would cross."""
+    resolved = [system.resolve(term.expression, "library") for term in terms]
+    one, other = (names(expr) & set(system.fields) for expr in resolved)
+    return one != other and bool(one and other) and not any(any(calls(e, KINKS)) for e in resolved)
 
 
 def check_collinear(

@@ -11,13 +11,15 @@ import torch
 from dashred.physics.expressions.algebra import names
 from dashred.physics.runs.program_definitions import program_definitions
 from dashred.physics.system import Term
-from dashred.physics.terms.collinear_terms import check_collinear, uninformative_terms
+from dashred.physics.terms.collinear_terms import (
+    KINKS,
+    check_collinear,
+    uninformative_terms,
+)
 from dashred.physics.terms.library import calls, resolve
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.state_samples import StateSamples
 
-# Functions that differ from a power only where their argument changes its sign.
-KINKS = frozenset({"abs", "sign"})
 # Readings on which terms are compared, at most twice as many.
 MOST_ROWS = 2000
 
