@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -34,13 +35,18 @@ class StateSamples:
         system: the simulator; its inputs cover the times.
         states: ``(sample, field, *grid)``.
         times: ``(sample,)``.
-        moved: the same states, moved by random changes of the start; None without any.
+        prior: of the start; None where there is none.
     """
 
     system: System
     states: Tensor
     times: Tensor
-    moved: Tensor | None = None
+    prior: StartPrior | None = None
+
+    @cached_property
+    def moved(self) -> Tensor | None:
+        """The same states, moved by random changes of the start; None without a prior."""
+        return None if self.prior is None else moved_states(self.prior, self.states)
 
 
 def state_samples(problem: Problem, nominal: NominalRun) -> StateSamples:
@@ -53,9 +59,8 @@ def state_samples(problem: Problem, nominal: NominalRun) -> StateSamples:
     episodes, paths = problem.episodes, nominal.references
     kept = [_within_range(episode, path) for episode, path in zip(episodes, paths, strict=True)]
     if len(episodes) == 1 or _depends_on_time(problem):
-        states = paths[0][kept[0]]
-        times, moved = problem.times[kept[0]], moved_states(nominal.prior, states)
-        return StateSamples(problem.system, states, times, moved)
+        times = problem.times[kept[0]]
+        return StateSamples(problem.system, paths[0][kept[0]], times, nominal.prior)
     stride = -(-sum(map(len, paths)) // max(MOST_SAMPLES, len(paths[0])))
     begin, clocks, signals = 0.0, [], []
     for episode, path, mine in zip(episodes, paths, kept, strict=True):
@@ -69,7 +74,7 @@ def state_samples(problem: Problem, nominal: NominalRun) -> StateSamples:
     system = problem.system
     if system.inputs:
         system = system.with_input_signals(_end_to_end(signals, list(system.inputs)))
-    return StateSamples(system, states, torch.cat(clocks), moved_states(nominal.prior, states))
+    return StateSamples(system, states, torch.cat(clocks), nominal.prior)
 
 
 def moved_states(prior: StartPrior, states: Tensor) -> Tensor:
