@@ -7,6 +7,7 @@ import torch
 from lightning import Callback, LightningModule, Trainer
 from torch import Tensor
 
+from callbacks.simplest_law import simplest_law
 from dashred.core.mlflow.metric_names import metric_name
 from dashred.core.tracking import Log
 from dashred.inference.latent_sindy.blocks import Blocks
@@ -54,14 +55,18 @@ class LawRegression(Callback):
         if epoch % self.problem.settings.every == 0:
             self.child(self._note(found), epoch)
 
-    def finish(self, module: DynamicAssimilation, epoch: int) -> SparseFit:
-        """Return the proposal for the final state.
+    def finish(
+        self, module: DynamicAssimilation, batch: tuple[Tensor, Tensor], epoch: int
+    ) -> SparseFit:
+        """Return the proposal for the final state, without the terms that it can do without.
 
         Args:
             module: the assimilation, with its best state.
+            batch: windows and fitted values of all samples.
             epoch: number of the last point of the curves.
         """
-        final = self._regress(module, self.problem.settings.bootstraps)
+        found = self._regress(module, self.problem.settings.bootstraps)
+        final = found.reduced(simplest_law(module, batch, self._blocks(module), found.coefficients))
         metrics = self._note(final)
         self.child(metrics, epoch)
         self.parent(metrics, epoch)

@@ -81,7 +81,7 @@ def test_a_law_that_the_steps_do_not_fit_is_kept(callback, module, fits, kept):
     assert torch.allclose(law(module), wrong) == kept
 
 
-def test_the_same_field_is_simulated_once(callback, module, monkeypatch):
+def test_the_same_field_is_simulated_once(callback, module, data, monkeypatch):
     runs: list[int] = []
     forecasts = SimulatorSteps.forecasts
 
@@ -91,6 +91,6 @@ def test_the_same_field_is_simulated_once(callback, module, monkeypatch):
 
     monkeypatch.setattr(SimulatorSteps, "forecasts", counted)
     callback.on_train_epoch_end(Trainer(logger=False, accelerator="cpu"), module)
-    final = callback.finish(module, 2)
+    final = callback.finish(module, (data.windows, data.fitted), 2)
     assert len(runs) == 1
     assert callback.history[-1] == final.coefficients.tolist()

@@ -14,7 +14,7 @@ from dashred.inference.latent_sindy.step_sensitivities import RELATIVE_STEP, Ste
 from dashred.physics.system import System, Term
 from dashred.physics.terms.library import evaluate_terms
 
-# A step changes the latent state by at most this multiple of the median, unless it blows up.
+# A step, or a term, changes the state by at most this multiple of the median, unless it blows up.
 LOST = 1e6
 
 
@@ -94,12 +94,15 @@ def stacked_blocks(targets: list[Tensor], designs: list[Tensor], size: Tensor) -
 
     The steps from one begin overlap. They form one block, which is left out and redrawn as a whole.
     A reconstructed field may lie where the simulator blows up. Blocks with such a step are dropped.
+    A term from which most steps blow up, such as a high derivative that the solver does not resolve,
+    gets a zero column and cannot be proposed.
 
     Args:
         targets: ``(block, latent)`` of each step length.
         designs: ``(block, term, latent)`` of each step length.
         size: of each coefficient, which makes the columns comparable, ``(term,)``.
     """
+    designs = [_without_unstable_terms(design, size) for design in designs]
     usable = torch.ones(len(targets[0]), dtype=torch.bool)
     for target, design in zip(targets, designs, strict=True):
         for change in (target[:, None], design * size[:, None]):
@@ -111,3 +114,15 @@ def stacked_blocks(targets: list[Tensor], designs: list[Tensor], size: Tensor) -
     target = torch.cat([t * w for t, w in zip(targets, weights, strict=True)], dim=-1)
     design = torch.cat([d * w for d, w in zip(designs, weights, strict=True)], dim=-1)
     return Blocks.from_arrays(target.numpy(), design.numpy())
+
+
+def _without_unstable_terms(design: Tensor, size: Tensor) -> Tensor:
+    """Return columns ``(block, term, latent)`` that are zero for terms that blow up."""
+    changes = (design * size[:, None]).norm(dim=-1)
+    # A change that is not finite is larger than all others.
+    typical = changes.nan_to_num(nan=torch.inf, posinf=torch.inf).median(dim=0).values
+    acting = typical[(typical > 0) & typical.isfinite()]
+    if not len(acting):
+        return design
+    stable = typical <= LOST * acting.median()
+    return torch.where(stable[:, None], design, 0.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pysindy.optimizers import SSR, STLSQ
@@ -47,6 +47,14 @@ class SparseFit:
     path: list[tuple[int, float]]
     ranking: list[int]
     blocks: int
+
+    def reduced(self, coefficients: Array) -> SparseFit:
+        """Return the proposal with a part of its terms, and their coefficients ``(term,)``."""
+        kept = coefficients != 0
+        share = np.zeros_like(self.contribution)
+        share[kept] = self.contribution[kept] * np.abs(coefficients[kept] / self.coefficients[kept])
+        ranking = sorted(self.ranking, key=lambda j: not kept[j])
+        return replace(self, coefficients=coefficients, contribution=share, ranking=ranking)
 
 
 def sparse_fit(

@@ -115,18 +115,37 @@ class DynamicAssimilation(Assimilation):
         if not bool(self._losses(latent, fitted, error)["train"].isfinite()):
             # The simulator blows up with the law that the last regression has chosen.
             self.dynamics.set_law(torch.zeros_like(self.dynamics.scales))
-        parts = self._minimise(latent, fitted, error)
+        optimizer = self.optimizers(use_pl_optimizer=False)
+        assert isinstance(optimizer, torch.optim.Optimizer)
+        # What L-BFGS has learnt about the curvature belongs to the q and the law of an epoch.
+        optimizer.state.clear()
+        parts = self._minimise(optimizer, latent, fitted, error)
         self.steps_fit = bool(parts) and float(parts["step_error"]) <= 1.0
         for name, value in parts.items():
             self.log(f"loss/{name}", value, on_step=False, on_epoch=True, batch_size=len(windows))
         return parts.get("train", torch.tensor(REFUSED))
 
-    def _minimise(self, latent: Tensor, fitted: Tensor, error: float) -> dict[str, Tensor]:
+    def refit(self, batch: tuple[Tensor, Tensor], coefficients: Tensor) -> dict[str, float]:
+        """Return the parts of the lowest loss with another law, at the smallest q.
+
+        The unknowns of the lowest loss are kept.
+
+        Args:
+            batch: windows and fitted values of all samples.
+            coefficients: of the law, ``(term,)``; those that are not zero are fitted.
+        """
+        windows, fitted = batch
+        self.dynamics.set_law(coefficients)
+        with torch.no_grad():
+            latent = self.shred.encode(windows)
+        optimizer = self.configure_optimizers()
+        parts = self._minimise(optimizer, latent, fitted, LEAST_ERROR)
+        return {name: float(value) for name, value in parts.items()}
+
+    def _minimise(
+        self, optimizer: torch.optim.Optimizer, latent: Tensor, fitted: Tensor, error: float
+    ) -> dict[str, Tensor]:
         """Return the parts of the lowest loss, whose unknowns are kept."""
-        optimizer = self.optimizers(use_pl_optimizer=False)
-        assert isinstance(optimizer, torch.optim.Optimizer)
-        # What L-BFGS has learnt about the curvature belongs to the q and the law of an epoch.
-        optimizer.state.clear()
         parts: dict[str, Tensor] = {}
         lowest = [value.detach().clone() for value in self.fitted]
 

@@ -153,7 +153,7 @@ def fit_transform(
         coefficients = dict(discovery.history)
         if law is not None:
             assert isinstance(module, DynamicAssimilation)
-            proposals[NAME] = law.finish(module, discovery.epochs[-1])
+            proposals[NAME] = law.finish(module, (data.windows, data.fitted), discovery.epochs[-1])
             coefficients[NAME] = law.history
         report(1.0, f"best after {best.best_epoch} epochs, RMSE {best.best:.3f} on validation")
     if not proposes:

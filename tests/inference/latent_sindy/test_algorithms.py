@@ -180,6 +180,24 @@ def test_a_step_that_blows_up_is_left_out(system, tmp_path, huge):
     assert found.coefficients[ring.LIBRARY.index("u")] == pytest.approx(-0.05, rel=0.1)
 
 
+@pytest.mark.parametrize("huge", [1e30, float("inf"), float("nan")])
+def test_a_term_that_blows_up_is_not_proposed(system, tmp_path, huge):
+    """Three of four steps blow up under one term; the others are not lost with it."""
+    states = truth(system, {"u": -0.05})
+    problem = build_problem(system, states, tmp_path)
+    steps = forecast_steps(system, states, ring.TIMES, torch.arange(6, 30, 2), [1])
+    columns = tangents(system, problem.library, problem.scales, states, ring.TIMES, steps)
+    unstable = ring.LIBRARY.index("d(u, x, 3)")
+    columns[0][torch.arange(12) % 4 > 0, unstable] = huge
+    shred = ring.untrained(ring.ensemble(system, 5).states, problem.operator)
+    encoder = HistoryEncoder(shred.encode, problem.operator, states, LAGS)
+    blocks = compressed_search(encoder, states, steps, columns, problem.scales)
+    assert len(blocks.power) == 12
+    found = sparse_fit(blocks, 0.05, 3, np.random.default_rng(0))
+    assert found.coefficients[unstable] == 0.0
+    assert found.coefficients[ring.LIBRARY.index("u")] == pytest.approx(-0.05, rel=0.1)
+
+
 def test_the_history_ends_with_the_given_field(system):
     states = truth(system, {})
     operator = ObservationOperator(ring.SENSORS, system)
