@@ -11,6 +11,10 @@ SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 # Significant digits of a number without an uncertainty.
 DIGITS = 4
 LARGEST, SMALLEST = 1e6, 1e-5
+# Half-width of the 95 % interval of a normal distribution, in standard deviations.
+Z95 = 1.959964
+# The meaning of ± in all texts.
+PLUS_MINUS = "± is the half-width of the 95 % interval"
 
 
 def pretty(term: str) -> str:
@@ -32,23 +36,23 @@ def number(value: float) -> str:
     return f"{value + 0.0:.{DIGITS}g}".replace("-", MINUS)
 
 
-def rounded(value: float, std: float) -> tuple[str, str]:
-    """Round a value and its std to the first digit of the std: ``0.040``, ``0.003``.
+def rounded(value: float, error: float) -> tuple[str, str]:
+    """Round a value and its error to the first digit of the error: ``0.040``, ``0.003``.
 
-    An std with a leading 1 keeps two digits, because one digit would be too coarse.
+    An error with a leading 1 keeps two digits, because one digit would be too coarse.
     """
-    if not (math.isfinite(std) and std > 0):
-        return number(value), number(std)
-    place = math.floor(math.log10(std))
-    if std < 2 * 10.0**place:
+    if not (math.isfinite(error) and error > 0):
+        return number(value), number(error)
+    place = math.floor(math.log10(error))
+    if error < 2 * 10.0**place:
         place -= 1
-    size = max(abs(value), std)
+    size = max(abs(value), error)
     if size >= LARGEST or size < SMALLEST:
         digits = max(0, math.floor(math.log10(size)) - place)
-        return f"{value:.{digits}e}".replace("-", MINUS), f"{std:.0e}".replace("-", MINUS)
+        return f"{value:.{digits}e}".replace("-", MINUS), f"{error:.0e}".replace("-", MINUS)
     decimals = max(0, -place)
     # The sum turns -0.0 into 0.0.
-    texts = (f"{round(x, -place) + 0.0:.{decimals}f}" for x in (value, std))
+    texts = (f"{round(x, -place) + 0.0:.{decimals}f}" for x in (value, error))
     first, second = (text.replace("-", MINUS) for text in texts)
     return first, second
 
@@ -60,8 +64,8 @@ def joined(parts: Sequence[str]) -> str:
 
 
 def with_error(value: float, std: float) -> str:
-    """Format a value with its std: ``−0.0397 ± 0.0003``."""
-    return " ± ".join(rounded(value, std))
+    """Format a value with the half-width of its 95 % interval: ``−0.0397 ± 0.0006``."""
+    return " ± ".join(rounded(value, Z95 * std))
 
 
 def percent(share: float) -> str:

@@ -90,8 +90,9 @@ Cause = TypedDict(
         "axis": str | None,
         "episode": str | None,
         "curve": list[FaultCurve] | None,
-        # Outside the library: the evidence for a free forcing, the residuals of the best law in
-        # standard deviations of the traces, or the number of further terms that it needs.
+        # Outside the library: the evidence for a free forcing (with `unexplained` and `misfit`, see
+        # below), the residuals of the best law in standard deviations of the traces, or the number
+        # of further terms that it needs.
         "gain": float,
         "residual": float,
         "supported": int,

@@ -134,7 +134,7 @@ class SmallerLaw(TypedDict):
 
 
 class SensorGain(TypedDict):
-    """Mean squared residual in units of the noise, without and with the law, and the p-value."""
+    """Mean squared residual without and with the law, in units of `fit.noise_std`, and p."""
 
     name: str
     before: float | None
@@ -144,7 +144,7 @@ class SensorGain(TypedDict):
 
 
 class Profile(TypedDict):
-    """RMS residual over all sensors in units of the noise, without and with the law."""
+    """RMS residual over all sensors in units of `fit.noise_std`, without and with the law."""
 
     times: list[float]
     before: list[float | None]

@@ -92,21 +92,28 @@ LARGEST_OWN_ERROR = 1e6
 
 
 class Fit(HeldOut):
-    """Quality of the fit to the recording; `noise_std` is by sensor, in the sensor's unit.
+    """Quality of the fit to the recording.
 
+    `noise_std` is the noise of each sensor, in its unit, as stated or estimated from its trace.
+    `residual_std` is that of the residuals of the fit. It is much larger if no law explains the
+    recording. `chi2` is the misfit of the law per sample, relative to `residual_std`, and
+    `unexplained` the share of the squared residuals that is not noise.
+    `held_out_samples` are the numbers of times with held-out readings, over all episodes.
     `noise_correlation` is the largest correlation of neighbouring samples over all quantities.
-    `own_error` is the numerical error of the simulator at the start of the recording, in standard
-    deviations of the noise, at most 1e6; null if the law diverges or is not told. If it exceeds 1,
+    `own_error` is the numerical error of the simulator at the start of the recording, in units of
+    `residual_std`, at most 1e6; null if the law diverges or is not told. If it exceeds 1,
     `sufficient_dt` is a time step with which it is at most 0.1, if there is one, and else null. If
     the simulator is a program, `failure` says how many of its steps failed, and what it said when
     one last did.
     `comparisons` tell whether held-out data support the law.
     `misfit_at_test_sensors` is the RMSE of the corrected simulator at each test sensor, in
-    standard deviations of the noise.
+    standard deviations of the residuals at the fitted sensors.
     """
 
     comparisons: list[Comparison]
     noise_std: dict[str, float] | None
+    residual_std: NotRequired[dict[str, float]]
+    held_out_samples: NotRequired[dict[HeldOutData, int]]
     noise_correlation: float | None
     own_error: float | None
     failure: NotRequired[str | None]

@@ -8,13 +8,12 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from dashred.core.formatting import Z95
 from dashred.inference.fit.located_source import LocatedSource
 from dashred.inference.forward.candidates import Candidate, build_forcing
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.window import Window
 
-# Two-sided 95 % of a normal distribution.
-Z95 = 1.959964
 # A start that is this probable under its stated prior is not told as another start.
 MAX_START_CHANCE = 0.01
 # Kinds of faults that are special cases of another kind.

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from dashred.core.findings.law_schema import FittedParameter
+from dashred.core.formatting import Z95
 from dashred.inference.fit import law as fit
-from dashred.inference.fit.law import Z95, Law
+from dashred.inference.fit.law import Law
 from dashred.inference.results.parameter_change import exact_change, parameter_change
 from dashred.physics.parameter_sensitivity import act_separately, acts_linearly
 from dashred.physics.system import System

@@ -39,6 +39,7 @@ def locate(
     states: Tensor,
     times: Tensor,
     sensors: Sequence[str],
+    recorded: Tensor,
 ) -> Where:
     """Return ``findings["where"]``, for the fit window.
 
@@ -49,6 +50,8 @@ def locate(
             trajectory of the longest, whose times are used for the residuals of the others, too.
         times: times of the trajectory, ``(time,)``.
         sensors: names of the fit sensors, in the order of the residuals.
+        recorded: σ of the noise as stated or estimated from the traces, ``(sensor,)``, in the order
+            of the residuals. The residuals of a law that does not fit are no measure of it.
     """
     law = discovery.best
     ratios = law_tendency(system, law, states, times)
@@ -62,7 +65,9 @@ def locate(
     # Samples that either law leaves out, such as spikes, are not compared.
     left_out = old.isnan() | new.isnan()
     noise = replace(discovery.noise, available=discovery.noise.available & ~left_out)
-    before, after = noise.whiten(old), noise.whiten(new)
+    decrease = noise.whiten(old).square() - noise.whiten(new).square()
+    of_traces = replace(noise, std=recorded, correlation=torch.zeros_like(noise.correlation))
+    before, after = of_traces.whiten(old), of_traces.whiten(new)
     available = noise.available
     source = source_of_discovery(system, discovery, times)
     return Where(
@@ -73,8 +78,8 @@ def locate(
         region=region_of(system, law) or _region_of_source(source),
         time=[float(times[0]), float(times[-1])],
         states=active_states(system, states, power, _reads(system, law)) if total else None,
-        sensors=_sensors(sensors, before, after, available, len(law.candidates)),
-        significance=_significance(before, after, len(law.candidates), discovery.refit_count),
+        sensors=_sensors(sensors, before, after, available, decrease, len(law.candidates)),
+        significance=_significance(decrease, len(law.candidates), discovery.refit_count),
         profile=_profile(times, before, after, available),
         forcing=_forcing(system, discovery.forcing_map),
         source=_source(source, as_terms=law.source is not None),
@@ -151,16 +156,23 @@ def _reads(system: System, law: Law) -> set[str]:
 
 
 def _sensors(
-    names: Sequence[str], before: Tensor, after: Tensor, available: Tensor, degrees_of_freedom: int
+    names: Sequence[str],
+    before: Tensor,
+    after: Tensor,
+    available: Tensor,
+    decrease: Tensor,
+    degrees_of_freedom: int,
 ) -> list[SensorGain]:
-    """Return the gain of the law at each sensor.
+    """Return the gain of the law at each sensor, from residuals in units of the noise.
 
     p is the probability that noise alone lowers χ² of this sensor as much, with the same number of
     coefficients. It is not corrected for the search: ``significance`` tests whether there is a law,
     and p tests only at which sensors it has an effect.
     """
     found = []
-    before, after, available = (part.reshape(-1, len(names)) for part in (before, after, available))
+    before, after, available, decrease = (
+        part.reshape(-1, len(names)) for part in (before, after, available, decrease)
+    )
     for column, name in enumerate(names):
         count = int(available[:, column].sum())
         if not count:
@@ -173,7 +185,7 @@ def _sensors(
                 before=old / count,
                 after=new / count,
                 gain=(old - new) / count,
-                p=float(chi2.sf(max(old - new, 0.0), degrees_of_freedom))
+                p=float(chi2.sf(max(float(decrease[:, column].sum()), 0.0), degrees_of_freedom))
                 if degrees_of_freedom
                 else None,
             )
@@ -181,9 +193,7 @@ def _sensors(
     return found
 
 
-def _significance(
-    before: Tensor, after: Tensor, degrees_of_freedom: int, tried: int
-) -> float | None:
+def _significance(decrease: Tensor, degrees_of_freedom: int, tried: int) -> float | None:
     """Return the p-value of the law against the empty law, from a likelihood-ratio test.
 
     For noise alone, the decrease of χ² is χ²-distributed with one degree of freedom for each
@@ -191,12 +201,12 @@ def _significance(
     """
     if not degrees_of_freedom:
         return None
-    decrease = float(before.square().sum() - after.square().sum())
-    return min(1.0, float(chi2.sf(max(decrease, 0.0), degrees_of_freedom)) * max(1, tried))
+    chance = float(chi2.sf(max(float(decrease.sum()), 0.0), degrees_of_freedom))
+    return min(1.0, chance * max(1, tried))
 
 
 def _profile(times: Tensor, before: Tensor, after: Tensor, available: Tensor) -> Profile:
-    """Return the rms whitened residual at each time, or in at most 200 groups of samples."""
+    """Return the rms residual in units of the noise by time, in at most 200 groups of samples."""
     # All groups but the last have the same size, so that the curve has one roughness.
     groups = torch.arange(len(times)).split(-(-len(times) // LONGEST_PROFILE))
     return Profile(
@@ -206,6 +216,6 @@ def _profile(times: Tensor, before: Tensor, after: Tensor, available: Tensor) ->
     )
 
 
-def _rms(whitened: Tensor, available: Tensor) -> float | None:
+def _rms(scaled: Tensor, available: Tensor) -> float | None:
     count = int(available.sum())
-    return float((whitened.square().sum() / count).sqrt()) if count else None
+    return float((scaled.square().sum() / count).sqrt()) if count else None

@@ -87,7 +87,10 @@ def verdict(
         return "not-converged", [reason]
     causes = _causes(discovery, details)
     if discovery.forcing_gain > MIN_FORCING_GAIN:
-        return "outside-library", [_outside(gain=discovery.forcing_gain), *causes]
+        found = _outside(gain=discovery.forcing_gain, misfit=discovery.best.chi2)
+        if unexplained is not None:
+            found["unexplained"] = unexplained
+        return "outside-library", [found, *causes]
     if discovery.also_supported and discovery.best.chi2 > MAX_EXPLAINED_CHI2:
         further = len(discovery.also_supported)
         cause = _outside(misfit=discovery.best.chi2, supported=further)

@@ -7,6 +7,7 @@ from typing import Any
 
 import pandas as pd
 
+from dashred.reporting.text.improvement import has_probabilities
 from dashred.reporting.text.verdict import alternative_text, extent
 
 TERMS = (
@@ -24,7 +25,8 @@ def terms_table(findings: Mapping[str, Any]) -> pd.DataFrame:
     the bounds ``low`` and ``high`` of the 95 % interval (for a parameter, of its new value); the
     ``unit`` of the coefficient if it is known; the old and the new value of a parameter, ``from``
     and ``to``; ``inclusion``, the probability that the term belongs to the law; ``acts``, where the
-    term acts; and ``says``, a description in words.
+    term acts; and ``says``, a description in words. The probability is missing if held-out data do
+    not confirm the law, or if it is only the nearest to what is missing.
     """
     units = findings.get("units", {})
     rows = []
@@ -32,7 +34,8 @@ def terms_table(findings: Mapping[str, Any]) -> pd.DataFrame:
         low, high = term["ci95"]
         where = {"region": term["region"], "regime": None}
         rows.append({**term, "low": low, "high": high, "acts": extent(where, units)})
-    return pd.DataFrame(rows, columns=list(TERMS))
+    table = pd.DataFrame(rows, columns=list(TERMS))
+    return table if has_probabilities(findings) else table.assign(inclusion=None)
 
 
 def fitted_parameters_table(findings: Mapping[str, Any]) -> pd.DataFrame:

@@ -15,6 +15,7 @@ from dashred.config import Config
 from dashred.config.layers import written_out
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.hidden_state_schema import HiddenStateFound
+from dashred.core.formatting import PLUS_MINUS
 from dashred.data.stated.fitted_delays import delay_parameter
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import build_corrected_system
@@ -198,7 +199,7 @@ def _header(
         *([remark] if remark else []),
         "",
         f"Found from the recording with sha256 {recording_sha256[:16]}…, seed {config.seed}; "
-        f"± is one standard deviation. The configuration was {origin}.",
+        f"{PLUS_MINUS}. The configuration was {origin}.",
         "",
         "The start and its spin-up are the configuration's own, so the spin-up now runs under the "
         "corrected equations; the start that was fitted to the recording is in estimates.nc."

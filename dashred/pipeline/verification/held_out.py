@@ -70,6 +70,15 @@ def held_out_errors(predictions: HeldOutPredictions) -> HeldOut:
     return errors
 
 
+def held_out_samples(predictions: HeldOutPredictions) -> dict[HeldOutData, int]:
+    """Return the number of times with readings of each kind of held-out data, if there are any."""
+    counts = {
+        data: sum(int((~np.isnan(part.recorded)).any(axis=1).sum()) for part in parts)
+        for data, parts in predictions.items()
+    }
+    return {data: count for data, count in counts.items() if count}
+
+
 def pooled_rmse(parts: Sequence[Predictions], method: str) -> float:
     """Return the RMSE of a method over all sensors and episodes, in units of the scales."""
     errors = np.concatenate([part.errors(method).ravel() for part in parts])

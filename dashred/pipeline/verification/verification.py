@@ -53,7 +53,11 @@ from dashred.pipeline.verification.comparison import (
     misfits_at_sensors,
 )
 from dashred.pipeline.verification.energy import energy_loss
-from dashred.pipeline.verification.held_out import held_out_errors, predict_held_out
+from dashred.pipeline.verification.held_out import (
+    held_out_errors,
+    held_out_samples,
+    predict_held_out,
+)
 from dashred.pipeline.verification.held_out_faults import err_next_to, held_out_faults
 from dashred.pipeline.verification.sensor_noise import noise_of_sensors
 from dashred.pipeline.verification.spent_budget import blame_budget, note_budget
@@ -70,9 +74,8 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     discovered = analysis.discovery
     units = problem.system.units
     names = problem.split.fit.names
-    left = unexplained_share(
-        problem.noise_of(names).repeat(len(problem.episodes)), discovered.noise
-    )
+    stated = problem.noise_of(names).repeat(len(problem.episodes))
+    left = unexplained_share(stated, discovered.noise)
     predictions = predict_held_out(problem, analysis)
     comparisons = compare_held_out(predictions)
     scale = torch.from_numpy(problem.split.fit.trace_scale())
@@ -85,14 +88,16 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     share = float((problem.noise_of(names) / scale).median())
     kind = confirmed(kind, causes, discovered.best, comparisons, misfits, is_local, share)
     kind, causes = with_faults(kind, causes, map(problem.fault_details, faults))
+    # The residuals have the same σ in all episodes.
     law, std = discovered.best, discovered.noise.std[: len(names)]
     # Without a law that is told, its numerical error says nothing.
     error = None if kind == "not-converged" else numerical_error(problem, law, std)
     too_large = error is not None and error > 1
     fit = Fit(
         comparisons=comparisons,
-        # The noise is the same in all episodes.
-        noise_std=problem.noise | dict(zip(names, discovered.noise.std.tolist(), strict=False)),
+        noise_std=problem.noise,
+        residual_std=dict(zip(names, std.tolist(), strict=True)),
+        held_out_samples=held_out_samples(predictions),
         noise_correlation=float(discovered.noise.correlation.max()),
         own_error=error,
         failure=None if problem.system.program is None else problem.system.program.failure,
@@ -120,7 +125,9 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
             latent=latent,
             verdict=kind,
             causes=causes,
-            where=locate(problem.system, without, states[:count], problem.times[:count], names),
+            where=locate(
+                problem.system, without, states[:count], problem.times[:count], names, stated
+            ),
             units=units,
         )
         note_budget(failed, problem.budget)
@@ -139,6 +146,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
             analysis.trajectories.states["corrected"][:count],
             problem.times[:count],
             names,
+            stated,
         ),
         terms=terms_of_discovery(problem.system, discovered),
         fitted_parameters=[

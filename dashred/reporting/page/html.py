@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from dashred.core.files.atomic import write_text_atomic
-from dashred.core.formatting import number
+from dashred.core.formatting import PLUS_MINUS, number
 from dashred.core.templates import render
 from dashred.core.units import NO_UNITS, TIME, with_unit
 from dashred.reporting.figures.figure_names import OF_EQUATIONS
@@ -69,7 +69,7 @@ def page(
         untested=findings["verdict"] in UNTESTED,
         location=verdict.location(findings["where"], units) if terms else [],
         consequences=verdict.consequences(findings),
-        terms=sections.terms_table(terms, system.get("let", {})),
+        terms=sections.terms_table(findings),
         probabilities=sections.cause_probabilities(findings),
         other_laws=verdict.other_laws(findings),
         alternatives=sections.alternatives_table(findings["alternatives"] or []),
@@ -106,6 +106,7 @@ def _head(findings: Mapping[str, Any], main_effects: Sequence[str]) -> dict[str,
         "title": findings["input"]["config"].get("system", {}).get("title", "The system"),
         "headline": headline(findings, main_effects) if findings["verdict"] else "",
         "verdict": findings["verdict"],
+        "plus_minus": PLUS_MINUS,
         "is_confirmed": is_confirmed(findings),
         "statements": _statements(findings),
         "equations": equations(findings),

@@ -11,7 +11,6 @@ def method_rows(findings: Mapping[str, Any]) -> dict[str, str]:
     """Return rows on the data, the library and the noise, by label."""
     source, fit, units = findings["input"], findings["fit"], findings.get("units", NO_UNITS)
     splits = source["splits"] or {}
-    noise = (fit["noise_std"] or {}).items()
     rows = {
         "inputs of SHRED": ", ".join(splits.get("inputs", ())),
         "further fit sensors": ", ".join(splits.get("extra", ())),
@@ -22,10 +21,11 @@ def method_rows(findings: Mapping[str, Any]) -> dict[str, str]:
         ),
         "library": _join("{1} terms for {0}", (source["library_size"] or {}).items()),
         "left out of the library": _join("{} {}", (source.get("library_left_out") or {}).items()),
-        "noise of the sensors, std": _join(
-            "{} {}", ((name, number(float(f"{std:.2g}"))) for name, std in noise)
+        "noise of the sensors, stated or estimated from their traces, std": _stds(fit["noise_std"]),
+        "residuals of the fit, std": _stds(fit.get("residual_std")),
+        "χ² per sample of the law, relative to these residuals": (
+            "" if fit["chi2"] is None else number(fit["chi2"])
         ),
-        "χ² per sample of the fit": "" if fit["chi2"] is None else number(fit["chi2"]),
         "units": _join("{} in {}", ((name, format_unit(unit)) for name, unit in units.items())),
     }
     return {name: text for name, text in rows.items() if text}
@@ -55,6 +55,11 @@ def provenance_rows(findings: Mapping[str, Any], commit: str | None) -> dict[str
     }
     # The sensors of a twin are a number, not a file.
     return {name: text for name, text in rows.items() if isinstance(text, str) and text}
+
+
+def _stds(by_sensor: Mapping[str, float] | None) -> str:
+    stds = (by_sensor or {}).items()
+    return _join("{} {}", ((name, number(float(f"{std:.2g}"))) for name, std in stds))
 
 
 def _join(form: str, pairs: Iterable[tuple[str, Any]]) -> str:

@@ -1,6 +1,5 @@
 """The contents of the report's sections, from the findings."""
 
-import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
@@ -9,7 +8,8 @@ from dashred.core.findings.methods import AT_SENSORS, method_label
 from dashred.core.formatting import number, percent, pretty, rounded
 from dashred.core.units import format_unit
 from dashred.reporting.page.views import Table
-from dashred.reporting.text.improvement import names_nearest_law, resolution_warning
+from dashred.reporting.text.causes import NOISE_RATIO, noise_ratio
+from dashred.reporting.text.improvement import count_text, has_probabilities, resolution_warning
 from dashred.reporting.text.verdict import alternative_text, sentence
 
 HELD_OUT = {
@@ -26,22 +26,18 @@ CAUSES = {
     "sensor-fault": "a faulty sensor",
     "outside-library": "an effect outside of the library",
 }
-# Residuals larger than the noise by less than this factor count as noise, which is an estimate.
-NOISE_RATIO = 1.2
 # A smaller correlation of the residuals is not reported.
 MIN_CORRELATION = 0.1
 # Less probable causes are listed together.
 MIN_PROBABILITY = 0.005
 
 
-def terms_table(terms: Sequence[Mapping[str, Any]], lets: Collection[str] = ()) -> Table:
-    """Return the terms of the law with their coefficients, intervals and probabilities.
-
-    Args:
-        terms: ``findings["terms"]``.
-        lets: names of the lets of the system.
-    """
+def terms_table(findings: Mapping[str, Any]) -> Table:
+    """Return the terms of the law with their coefficients, intervals and probabilities."""
+    terms = findings["terms"] or []
+    lets = findings["input"]["config"].get("system", {}).get("let", {})
     rows, with_unit = [], any("unit" in term for term in terms)
+    is_sure = has_probabilities(findings)
     for term in terms:
         value, std = rounded(term["coefficient"], term["std"])
         low, high = (rounded(end, term["std"])[0] for end in term["ci95"])
@@ -49,12 +45,12 @@ def terms_table(terms: Sequence[Mapping[str, Any]], lets: Collection[str] = ()) 
         if term["equation"] is None:
             value = f"{number(term['from'])} → {rounded(term['to'], term['std'])[0]}"
         unit = [format_unit(term["unit"]) if "unit" in term else "–"] if with_unit else []
-        included = percent(term["inclusion"])
-        cells = [where, pretty(term["term"]), value, std, f"{low} … {high}", *unit, included]
+        included = [percent(term["inclusion"])] if is_sure else []
+        cells = [where, pretty(term["term"]), value, std, f"{low} … {high}", *unit, *included]
         rows.append(cells)
     heads = ["where", "term", "coefficient", "std", "95 % interval"]
-    heads += [*(["unit"] if with_unit else []), "probability"]
-    return Table(heads, rows, numbers={2, 3, 4, len(heads) - 1})
+    heads += [*(["unit"] if with_unit else []), *(["probability"] if is_sure else [])]
+    return Table(heads, rows, numbers={2, 3, 4, *([len(heads) - 1] if is_sure else [])})
 
 
 def _place(equation: str | None, lets: Collection[str]) -> str:
@@ -86,19 +82,18 @@ def alternatives_table(others: Sequence[Mapping[str, Any]]) -> Table:
 def cause_probabilities(findings: Mapping[str, Any]) -> dict[str, Any]:
     """Return the probability of each kind of cause, and whether several may be true.
 
-    If no fitted law explains the recording, the laws are only compared with each other.
+    There are none that held-out data do not confirm.
     """
     known: dict[str, float] = {}
-    for cause in findings["causes"] or []:
+    for cause in (findings["causes"] or []) if has_probabilities(findings) else []:
         if cause["kind"] in CAUSES and cause["probability"] is not None:
             known.setdefault(cause["kind"], cause["probability"])
-    is_nearest = names_nearest_law(findings)
-    none = [f"none of these {percent(NONE_OF_THESE)}"] if known and not is_nearest else []
+    none = [f"none of these {percent(NONE_OF_THESE)}"] if known else []
     listed = [f"{CAUSES[kind]} {percent(p)}" for kind, p in known.items() if p >= MIN_PROBABILITY]
     if len(listed) < len(known):
         listed.append("others less than 1 %")
     several = sum(known.values()) > 1 - NONE_OF_THESE + MIN_PROBABILITY
-    return {"causes": [*listed, *none], "several": several, "of_nearest": is_nearest}
+    return {"causes": [*listed, *none], "several": several}
 
 
 def errors_table(fit: Mapping[str, Any]) -> Table:
@@ -114,7 +109,8 @@ def errors_table(fit: Mapping[str, Any]) -> Table:
         for method, values in known.items()
         if any(value is not None for value in values)
     ]
-    heads = ["", *kinds.values()]
+    samples = fit.get("held_out_samples", {})
+    heads = ["", *(f"{name}{count_text(samples.get(kind))}" for kind, name in kinds.items())]
     return Table(heads, rows, numbers=range(1, len(heads)))
 
 
@@ -122,7 +118,7 @@ def unexplained(findings: Mapping[str, Any]) -> dict[str, Any]:
     """Compare the residuals of the corrected simulation with the noise."""
     fit = findings["fit"]
     share, correlation = fit["unexplained"], fit["noise_correlation"]
-    ratio = None if share is None else 1 / math.sqrt(max(1 - share, 1e-12))
+    ratio = None if share is None else noise_ratio(share, fit["chi2"])
     correlated = correlation is not None and abs(correlation) >= MIN_CORRELATION
     outside = [c for c in findings["causes"] or [] if c["kind"] == "outside-library"]
     return {

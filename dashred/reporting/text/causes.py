@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dashred.core.findings.cause_schema import Cause
-from dashred.core.formatting import percent
+from dashred.core.formatting import number, percent
 from dashred.core.units import NO_UNITS
 from dashred.reporting.text.sensor_faults import fault_text
 
@@ -14,6 +14,8 @@ EXTENDED = (
     "higher powers and waves in space or time, does"
 )
 LEAST_CHANCE = 0.001
+# Residuals larger than the noise by less than this factor count as noise, which is an estimate.
+NOISE_RATIO = 1.2
 LIMITS_OF_SNAPSHOTS = (
     "The simulator is known by its snapshots alone, so no law could be fitted to the sensors "
     "through it. The terms that latent SINDy proposes are untested, and have no intervals",
@@ -51,9 +53,13 @@ def cause_text(cause: Cause, units: Mapping[str, str] = NO_UNITS) -> str | None:
             gain = cause["gain"]
             # Without a run that stays finite there is no number.
             size = f"gains {gain:.3g} in evidence" if math.isfinite(gain) else "is large"
+            ratio = noise_ratio(cause.get("unexplained", 0.0), cause.get("misfit", 1.0))
+            if ratio < NOISE_RATIO:
+                return f"what the best law of a few terms leaves unexplained {size}"
             return (
-                f"what the best law leaves unexplained {size}; no law of the library expresses "
-                "what is missing, and the given terms are the nearest"
+                "the best law of a few terms leaves residuals of "
+                f"{number(float(f'{ratio:.2g}'))} times the noise, and what it leaves unexplained "
+                f"{size}"
             )
         case "outside-library" if "residual" in cause:
             return (
@@ -65,9 +71,8 @@ def cause_text(cause: Cause, units: Mapping[str, str] = NO_UNITS) -> str | None:
         case "outside-library" if "supported" in cause:
             further = cause["supported"]
             return (
-                f"the given law leaves a misfit of {cause['misfit']:.3g} per reading, where noise "
-                f"leaves 1, and the recording supports {further} further "
-                f"{'term' if further == 1 else 'terms'} beside it. The given law is only the "
+                f"the given law leaves {cause['misfit']:.3g} times the mean squared misfit of the "
+                f"law with {further} further {'term' if further == 1 else 'terms'}. It is only the "
                 "nearest of its size"
             )
         case "outside-library" if "source" in cause:
@@ -77,6 +82,16 @@ def cause_text(cause: Cause, units: Mapping[str, str] = NO_UNITS) -> str | None:
         case "outside-library":
             return EXTENDED
     return None
+
+
+def noise_ratio(unexplained: float, misfit: float) -> float:
+    """Return the residuals of the given law in units of the noise of the traces.
+
+    Args:
+        unexplained: share of the misfit of the largest fitted law that is not noise.
+        misfit: χ²/n of the given law, relative to the residuals of the largest.
+    """
+    return math.sqrt(max(misfit, 1.0) / max(1 - unexplained, 1e-12))
 
 
 def fault_causes(causes: Sequence[Cause]) -> list[Cause]:
@@ -120,8 +135,10 @@ def _not_converged(cause: Cause) -> str:
                 "few terms expresses"
             )
         case "budget":
-            spent = f"the budget of {cause['budget']:g} s was spent before the search had ended"
-            return f"{spent}: give more time, budget=SECONDS"
+            return (
+                "a part of the search reached the end of its share of the budget of "
+                f"{cause['budget']:g} s: give more time, budget=SECONDS"
+            )
     return (
         f"no tested cause explains the recording: {percent(cause['unexplained'])} of the misfit "
         "is neither the stated noise nor noise that is visible in the traces"

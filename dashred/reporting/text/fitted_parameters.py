@@ -8,15 +8,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dashred.core.findings.law_schema import FittedParameter
-from dashred.core.formatting import number, rounded
+from dashred.core.formatting import number, with_error
 from dashred.core.units import with_unit
 from dashred.reporting.text.verdict import FEW
 
 TITLE = "Fitted parameters"
-# A value that is farther from the stated one, in spreads, is pointed out.
-FAR = 3.0
-# If the fit leaves more than this share of the spread, it has determined nothing.
-UNDETERMINED = 0.9
+# The recording determines a value if its standard deviation is at most this share of the spread,
+# or if its distance from the stated value is more than so many spreads and standard deviations.
+NARROW, FAR = 0.9, 3.0
 
 
 def fitted_parameter_lines(findings: Mapping[str, Any]) -> list[str]:
@@ -28,14 +27,15 @@ def fitted_parameter_lines(findings: Mapping[str, Any]) -> list[str]:
 
 
 def fitted_parameter_text(fitted: FittedParameter) -> str:
-    """Return the value and what was stated: ``R = 3.41 ± 0.05 ohm (stated 2.7 ± 1.0)``."""
+    """Return the value and what was stated: ``R = 3.41 ± 0.10 ohm (stated 2.7, spread 1)``."""
     order = "" if fitted["exact"] else "; to first order"
-    return f"{value_text(fitted)} (stated {_stated(fitted)}{order})"
+    stated, spread = number(fitted["stated"]), number(fitted["spread"])
+    return f"{value_text(fitted)} (stated {stated}, spread {spread}{order})"
 
 
 def value_text(fitted: FittedParameter) -> str:
-    """Return the value with its error: ``R = 3.41 ± 0.05 ohm``."""
-    value = " ± ".join(rounded(fitted["value"], fitted["std"]))
+    """Return the value with its error: ``R = 3.41 ± 0.10 ohm``."""
+    value = with_error(fitted["value"], fitted["std"])
     return f"{fitted['parameter']} = {with_unit(value, fitted.get('unit'))}"
 
 
@@ -47,30 +47,26 @@ def values_in_a_row(every: Sequence[FittedParameter]) -> str:
     return f"the fitted {noun} {' and '.join(map(value_text, every))}"
 
 
-def _stated(fitted: FittedParameter) -> str:
-    """Return the stated value and its spread: ``2.7 ± 1.0``."""
-    value, spread = number(fitted["stated"]), number(fitted["spread"])
-    if "." in value and spread.isdigit():
-        spread += ".0"
-    return f"{value} ± {spread}"
-
-
 def _remarks(fitted: FittedParameter) -> list[str]:
     """Return what a reader should know about a value, one sentence each."""
-    name, spread = fitted["parameter"], fitted["spread"]
-    distance = abs(fitted["value"] - fitted["stated"]) / spread
-    remarks = []
+    distance = abs(fitted["value"] - fitted["stated"]) / fitted["spread"]
+    determines = "determines" if _is_determined(fitted) else "does not determine"
+    remarks = [
+        f"It is {distance:.1f} spreads from the stated value, and the recording {determines} it."
+    ]
     if "episode" in fitted:
         remarks.append(f"This is the value in episode {fitted['episode']}.")
     if "input" in fitted:
         remarks.append(f"This is the delay of the input {fitted['input']}.")
     if "sensor" in fitted:
         remarks.append(f"This calibrates the sensor {fitted['sensor']}.")
-    if distance > FAR:
-        size = number(float(f"{distance:.2g}"))
-        remarks.append(f"This is {size} spreads from the stated value.")
-    if fitted["std"] > UNDETERMINED * spread:
-        remarks.append(f"The recording does not determine {name}.")
     if fitted["aliases"]:
         remarks.append(f"A change of {' or '.join(fitted['aliases'])} has the same effect.")
     return remarks
+
+
+def _is_determined(fitted: FittedParameter) -> bool:
+    """Return whether the fit narrows the stated spread, or leaves it far behind."""
+    std, spread = fitted["std"], fitted["spread"]
+    moved = abs(fitted["value"] - fitted["stated"])
+    return std <= NARROW * spread or moved > FAR * max(std, spread)

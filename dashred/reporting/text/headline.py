@@ -9,6 +9,7 @@ from dashred.core.units import NO_UNITS
 from dashred.reporting.text.causes import cause_text, fault_causes
 from dashred.reporting.text.fitted_parameters import values_in_a_row
 from dashred.reporting.text.improvement import (
+    FEW_SAMPLES,
     OTHER_CAUSES,
     error_before,
     has_only_parameters,
@@ -126,8 +127,9 @@ def _conclusion(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
             refuted = ", which no held-out data support" if is_unsupported(findings) else ""
             if not is_confirmed(findings):
                 refuted = ", which the held-out data contradict"
-            best = f"; the nearest law is {missing}{refuted}" if missing else ""
-            return f"the simulation lacks an effect that no term of the library expresses{best}"
+            best = f"; the nearest is {missing}{refuted}" if missing else ""
+            nothing_explains = "no law of a few terms of the library explains the recording"
+            return f"{nothing_explains}{best}"
         case "unconfirmed" if not terms:
             return (
                 "there is no confirmed result: faulty sensors would explain the readings used in "
@@ -176,6 +178,8 @@ def _improvement(findings: Mapping[str, Any]) -> str | None:
     if found is None:
         return None
     key, ratio = found
+    samples = findings["fit"].get("held_out_samples", {}).get(key, FEW_SAMPLES)
+    only = f", in {samples} samples only" if samples < FEW_SAMPLES else ""
     if ratio in (0, math.inf):
         how = "without" if ratio else "with"
         return f"{how} this correction the simulation diverges {PLACES[key].rstrip(',')}"
@@ -184,7 +188,7 @@ def _improvement(findings: Mapping[str, Any]) -> str | None:
         change = f"{_times(ratio)} smaller"
     elif ratio <= 1 / SAME:
         change = f"{_times(1 / ratio)} larger"
-    return f"with this correction, the error {PLACES[key]} is {change}"
+    return f"with this correction, the error {PLACES[key]} is {change}{only}"
 
 
 def _times(ratio: float) -> str:

@@ -17,6 +17,8 @@ OF_THE_MEAN = 1.0
 UNTESTED = ("mismatch", "no-mismatch-seen")
 # Verdicts whose correction is a start or a sensor.
 OTHER_CAUSES = ("initial-condition", "sensor-fault")
+# Fewer held-out samples are little evidence.
+FEW_SAMPLES = 10
 HELD_OUT = {
     "test_sensors": "At the test sensors",
     "heldout_time": "In the held-out time",
@@ -50,6 +52,7 @@ def has_only_parameters(findings: Mapping[str, Any]) -> bool:
 def improvements(findings: Mapping[str, Any]) -> list[str]:
     """Return the errors of the corrected simulation, and of the simulation from both starts."""
     lines, verdict, fit = [], findings["verdict"], findings["fit"]
+    samples = fit.get("held_out_samples", {})
     start = "the same start" if findings["terms"] else "its nominal start"
     best = "its best start"
     if findings.get("fitted_parameters"):
@@ -75,6 +78,7 @@ def improvements(findings: Mapping[str, Any]) -> list[str]:
             change = "runs of this chaotic system are lost before then"
         lines.append(
             f"{place} the error is {', '.join(parts)}: {change}.{_predictable(findings, key)}"
+            f"{_little_evidence(samples.get(key))}"
         )
     return lines
 
@@ -102,11 +106,25 @@ def is_confirmed(findings: Mapping[str, Any]) -> bool:
     return bool(findings["verdict"] != "unconfirmed") and not (has_nearest and worse)
 
 
+def is_unexplained(findings: Mapping[str, Any]) -> bool:
+    """Return whether no fitted law explains the recording."""
+    leading: Mapping[str, Any] = (findings["causes"] or [{}])[0]
+    return findings["verdict"] == "outside-library" and "terms" not in leading
+
+
 def names_nearest_law(findings: Mapping[str, Any]) -> bool:
     """Return whether the stated law is only the nearest one to what is missing."""
-    leading: Mapping[str, Any] = (findings["causes"] or [{}])[0]
-    is_outside = findings["verdict"] == "outside-library" and "terms" not in leading
-    return is_outside and bool(findings["terms"])
+    return is_unexplained(findings) and bool(findings["terms"])
+
+
+def has_probabilities(findings: Mapping[str, Any]) -> bool:
+    """Return whether the probabilities of causes and of terms may be told.
+
+    They compare the fitted laws with each other. They say nothing if none of these explains the
+    recording, or if held-out data contradict or nowhere support the law.
+    """
+    is_refuted = not is_confirmed(findings) or (findings["terms"] and is_unsupported(findings))
+    return not is_refuted and not is_unexplained(findings)
 
 
 def is_unsupported(findings: Mapping[str, Any]) -> bool:
@@ -141,10 +159,10 @@ def _contradicted_faults(fit: Mapping[str, Any]) -> str:
         )
     misfits = fit["misfit_at_test_sensors"] or {}
     each = ", ".join(f"{_size(misfit)} at {name}" for name, misfit in misfits.items())
+    told = f" Errors in standard deviations of the fit's residuals: {each}." if each else ""
     return (
         "If only these sensors erred, the simulation would agree with the sensors that no fit "
-        f"has used, or only distant ones would err as well. {likely} Errors in standard deviations "
-        f"of the noise: {each}."
+        f"has used, or only distant ones would err as well. {likely}{told}"
     )
 
 
@@ -156,8 +174,11 @@ def _contradiction(compared: Mapping[str, Any]) -> str:
     )
     if error is None:
         return line
-    larger = " ± ".join(rounded(compared["difference"], error))
-    return f"{line} The mean squared error is larger by {larger} (99 % interval)."
+    difference = compared["difference"]
+    size, low, high = (
+        rounded(value, error)[0] for value in (difference, difference - error, difference + error)
+    )
+    return f"{line} The mean squared error is larger by {size} (99 % interval: {low} to {high})."
 
 
 def _predictable(findings: Mapping[str, Any], key: str) -> str:
@@ -175,7 +196,7 @@ def _predictable(findings: Mapping[str, Any], key: str) -> str:
 
 
 def resolution_warning(fit: Mapping[str, Any]) -> list[str]:
-    """Return what to do if the simulator fails, or errs by more than the noise at the beginning."""
+    """Return what to do if the simulator fails, or errs by more than the residuals at the start."""
     error, failed = fit["own_error"], []
     if fit.get("failure"):
         failed = [
@@ -198,7 +219,7 @@ def resolution_warning(fit: Mapping[str, Any]) -> list[str]:
     return [
         *failed,
         "At the start of the recording, the numerical error of the corrected simulation is "
-        f"{size} times the noise of the sensors. The resolution was checked before the law was "
+        f"{size} times the residuals of the fit. The resolution was checked before the law was "
         f"known. A term that acts only there may express this error. To check, {remedy}, and run "
         "again.",
     ]
@@ -222,6 +243,18 @@ def assimilation_gains(findings: Mapping[str, Any]) -> list[str]:
             gain = f"assimilation makes it {_factor(shred, dashred)}"
         lines.append(f"{place} the error is {', '.join(parts)}: {gain}.")
     return lines
+
+
+def count_text(samples: int | None) -> str:
+    """Return a number of held-out samples for the head of a table: `` (44 samples)``."""
+    return "" if samples is None else f" ({samples} sample{'s' * (samples != 1)})"
+
+
+def _little_evidence(samples: int | None) -> str:
+    if samples is None or samples >= FEW_SAMPLES:
+        return ""
+    noun = "sample is" if samples == 1 else "samples are"
+    return f" {samples} held-out {noun} little evidence."
 
 
 def _diverges(error: float | None) -> bool:

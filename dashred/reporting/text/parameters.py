@@ -1,21 +1,19 @@
 """A parameter with a wrong value, as text."""
 
 from dashred.core.findings.law_schema import ParameterChange
-from dashred.core.formatting import number, rounded
+from dashred.core.formatting import number, rounded, with_error
 from dashred.core.units import with_unit
 
 
 def parameter_text(change: ParameterChange) -> str:
-    """Return both values with the error: ``nu is 0.0500 ± 0.0004, not 0.035``.
+    """Return both values with the error: ``nu is 0.0500 ± 0.0008, not 0.035``.
 
     Of an offset, the text says what it is added to.
     """
     if "meaning" in change:
-        size, error = rounded(abs(change["coefficient"]), change["std"])
-        text = _offset_text(change, f"{size} ± {error}")
+        text = _offset_text(change, with_error(abs(change["coefficient"]), change["std"]))
     else:
-        new, error = rounded(change["to"], change["std"])
-        value = with_unit(f"{new} ± {error}", change.get("unit"))
+        value = with_unit(with_error(change["to"], change["std"]), change.get("unit"))
         text = f"{change['parameter']} is {value}, not {number(change['from'])}"
     if not change["exact"]:
         text += " (to first order; the corrected equations contain the tangent)"
@@ -34,7 +32,7 @@ def short_parameter_text(change: ParameterChange) -> str:
 
 
 def _offset_text(change: ParameterChange, size: str) -> str:
-    """Return an offset: ``the value of T at the left end is 1.3 ± 0.1 higher than stated``."""
+    """Return an offset: ``the value of T at the left end is 1.3 ± 0.2 higher than stated``."""
     way = "higher" if change["coefficient"] > 0 else "lower"
     value = with_unit(size, change.get("unit"))
     return f"the {change['meaning']} is {value} {way} than stated ({change['parameter']})"

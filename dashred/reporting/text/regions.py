@@ -6,7 +6,7 @@ A region that crosses the end of a periodic axis is written in two parts: ``x > 
 from collections.abc import Mapping
 
 from dashred.core.findings.law_schema import ActiveStates, Region
-from dashred.core.formatting import number, percent, rounded
+from dashred.core.formatting import Z95, number, percent, rounded
 from dashred.core.units import NO_UNITS, with_unit
 
 
@@ -29,17 +29,17 @@ def _short(edge: float) -> str:
 
 def bounds(region: Region, units: Mapping[str, str]) -> str:
     """Return a region with the errors of its edges: ``10.1 < x < 16.0 m (± 0.1)``."""
-    of, std = region.get("axis") or region["field"], region["std"]
+    of, half_width = region.get("axis") or region["field"], Z95 * region["std"]
     unit = units.get(of)
     if "to" in region:
-        begin, _ = rounded(region["from"], std)
-        end, error = rounded(region["to"], std)
+        begin, _ = rounded(region["from"], half_width)
+        end, error = rounded(region["to"], half_width)
         is_split = region["from"] > region["to"]
         return f"{_between(of, begin, with_unit(end, unit), is_split=is_split)} (± {error})"
     if "below" in region:
-        place, error = rounded(region["below"], std)
+        place, error = rounded(region["below"], half_width)
         return f"{of} < {with_unit(place, unit)} (± {error})"
-    place, error = rounded(region["from"] if "from" in region else region["above"], std)
+    place, error = rounded(region["from"] if "from" in region else region["above"], half_width)
     return f"{of} > {with_unit(place, unit)} (± {error})"
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from dashred.core.findings.cause_schema import Cause, FaultySensor
 from dashred.core.findings.fault_kinds import FAULT_KINDS
-from dashred.core.formatting import number, rounded
+from dashred.core.formatting import number, with_error
 from dashred.core.units import NO_UNITS, TIME, format_unit, with_unit
 
 
@@ -16,7 +16,7 @@ def fault_text(fault: FaultySensor | Cause, units: Mapping[str, str] = NO_UNITS)
         units: by name of field, axis and ``t``.
     """
     std, time, count = fault["std"], units.get(TIME), round(fault["value"])
-    value = " ± ".join(rounded(fault["value"], std)) if std else number(fault["value"])
+    value = with_error(fault["value"], std) if std else number(fault["value"])
     text = FAULT_KINDS[fault["fault"]].wording.format(
         sensor=fault["sensor"],
         reading=with_unit(value, units.get(fault["reads"] or "")),

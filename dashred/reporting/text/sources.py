@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from dashred.core.formatting import percent, rounded, with_error
+from dashred.core.formatting import Z95, percent, rounded, with_error
 from dashred.core.units import NO_UNITS, TIME, with_unit
 
 
@@ -49,8 +49,8 @@ def _region(source: Mapping[str, Any], units: Mapping[str, str]) -> str:
     parts = []
     for region, std in zip(source["region"], source["place_std"], strict=True):
         axis = region["axis"]
-        begin, _ = rounded(region["from"], std)
-        end, _ = rounded(region["to"], std)
+        begin, _ = rounded(region["from"], Z95 * std)
+        end, _ = rounded(region["to"], Z95 * std)
         text = f"between {axis} = {begin} and {with_unit(end, units.get(axis))}"
         around = " across the ends of the axis" if region["from"] > region["to"] else ""
         parts.append(text + around)

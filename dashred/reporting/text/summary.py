@@ -4,8 +4,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from dashred.core.findings.methods import AT_SENSORS, method_label
+from dashred.core.formatting import PLUS_MINUS
 from dashred.core.units import NO_UNITS, TIME, with_unit
 from dashred.reporting.text.fitted_parameters import TITLE, fitted_parameter_lines
+from dashred.reporting.text.improvement import count_text
 from dashred.reporting.text.verdict import sentence, verdict_lines
 
 if TYPE_CHECKING:
@@ -19,6 +21,12 @@ ALGORITHMS = {
     "dynamics": "Assimilation with dynamics",
 }
 MOST_TERMS = 5
+HELD_OUT = {
+    "test_sensors": "Test sensors, not used in any fit",
+    "heldout_time": "Held-out time, the end of the recording",
+    "heldout_restarted": "Held-out time, from a state fitted just before it",
+    "heldout_episode": "Held-out episode",
+}
 
 
 def summary(
@@ -29,15 +37,17 @@ def summary(
     Errors are RMSEs in units of the standard deviation of what is compared.
     """
     fit = findings["fit"]
+    samples = fit.get("held_out_samples", {})
+    told = [verdict_lines(findings), _fitted_parameters(findings)]
     blocks = [
-        verdict_lines(findings),
-        _fitted_parameters(findings),
+        *told,
+        [f"{PLUS_MINUS}."] if any("±" in line for block in told for line in block) else [],
         _budget(findings.get("budget")),
         _compared(findings["input"], findings.get("units", NO_UNITS)),
-        _errors("Test sensors, not used in any fit", fit["test_sensors"]),
-        _errors("Held-out time, the end of the recording", fit["heldout_time"]),
-        _errors("Held-out time, from a state fitted just before it", fit["heldout_restarted"]),
-        _errors("Held-out episode", fit.get("heldout_episode") or {}),
+        *(
+            _errors(f"{title}{count_text(samples.get(key))}", fit.get(key) or {})
+            for key, title in HELD_OUT.items()
+        ),
         _errors(
             "Whole field, compared with the hidden truth", (score or {}).get("field_rmse") or {}
         ),
@@ -66,10 +76,11 @@ def _budget(budget: Mapping[str, Any] | None) -> list[str]:
     if budget is None:
         return []
     left_out = ", ".join(budget["not_tried"])
-    cpu = f" (the run took {budget['cpu']:g} s of CPU)" if "cpu" in budget else ""
+    cpu = f", {budget['cpu']:g} s of CPU" if "cpu" in budget else ""
     return [
-        f"The budget of {budget['seconds']:g} s did not suffice for everything{cpu}; "
-        f"budget=SECONDS gives more. Not tried or ended early: {left_out}."
+        f"Every stage has a share of the budget of {budget['seconds']:g} s, and not every share "
+        f"sufficed (the run took {budget['spent']:g} s{cpu}). Not tried or ended early: "
+        f"{left_out}. budget=SECONDS gives more."
     ]
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from dashred.core.formatting import joined, number, parenthesize_sum, percent, pretty, rounded
+from dashred.core.formatting import joined, number, parenthesize_sum, percent, pretty, with_error
 from dashred.core.units import NO_UNITS, with_unit
 from dashred.reporting.text.causes import fault_causes
 from dashred.reporting.text.improvement import (
@@ -27,7 +27,7 @@ VERDICTS = {
     "initial-condition": "the simulation starts from the wrong state",
     "sensor-fault": "a sensor is faulty, not the simulation",
     "unresolved-numerics": "the simulation is not resolved, so its physics cannot be assessed",
-    "outside-library": "an effect is missing that the library of terms cannot express",
+    "outside-library": "no law of a few terms of the library explains the recording",
     "ambiguous": "several explanations fit about equally well",
     "not-converged": "the search did not converge",
     "mismatch": "the recording differs from the simulation, and snapshots alone cannot show why",
@@ -231,11 +231,14 @@ def _hidden(findings: Mapping[str, Any]) -> list[str]:
 
 
 def _also_supported(findings: Mapping[str, Any]) -> list[str]:
-    """Return the terms that the recording supports, but that the forecast does not need."""
+    """Return the terms beside the law: the recording supports them, or only the fit gains."""
     others = findings.get("also_supported")
     if not others:
         return []
     listed = ", ".join(in_symbols(term, term["region"]) for term in others)
+    leaves = (findings["causes"] or [{}])[0]
+    if not is_confirmed(findings) or {"gain", "residual"} & leaves.keys():
+        return [f"further terms lower the misfit, but are not confirmed: {listed}"]
     noun = "this term" if len(others) == 1 else "these terms"
     return [f"also supported: {listed}; the forecast does not need {noun}"]
 
@@ -324,8 +327,8 @@ def _part(change: Mapping[str, Any], kept: bool) -> str:
 
 
 def _share(share: Mapping[str, Any]) -> str:
-    value, std = rounded(100 * abs(share["lost"]), 100 * share["std"])
-    return f"{'decreases' if share['lost'] >= 0 else 'increases'} by {value} ± {std} %"
+    size = with_error(100 * abs(share["lost"]), 100 * share["std"])
+    return f"{'decreases' if share['lost'] >= 0 else 'increases'} by {size} %"
 
 
 def limits(findings: Mapping[str, Any]) -> list[str]:

@@ -23,7 +23,7 @@ class Description:
 
     Attributes:
         effect: the physical effect, such as ``viscous damping of angular velocity``.
-        size: coefficient, standard deviation and unit, such as ``−0.0251 ± 0.0004 per s``.
+        size: coefficient, half-width of its interval and unit, such as ``−0.0251 ± 0.0008 per s``.
         separator: text between the two in a sentence.
     """
 
@@ -38,7 +38,7 @@ class Description:
 
 
 class SizedTerm:
-    """``value ± std`` times an expression, in the equation of one field."""
+    """A coefficient with its error times an expression, in the equation of one field."""
 
     def __init__(self, system: System, equation: str, expr: Expr, value: float, std: float) -> None:
         self.system, self.equation, self.expr = system, equation, expr
@@ -49,7 +49,7 @@ class SizedTerm:
 
     @property
     def text(self) -> str:
-        """The term as text, such as ``(−0.0251 ± 0.0004)·u³ per unit time``."""
+        """The term as text, such as ``(−0.0251 ± 0.0008)·u³ per unit time``."""
         if self.expr == ONE:
             return self.coefficient_text
         product = f"({self.size()})·{parenthesize_sum(format_expression(self.expr))}"
@@ -57,7 +57,7 @@ class SizedTerm:
 
     @property
     def coefficient_text(self) -> str:
-        """The coefficient as text, such as ``−0.0251 ± 0.0004 per s``."""
+        """The coefficient as text, such as ``−0.0251 ± 0.0008 per s``."""
         return self.size() if self.unit else f"{self.size()} {self.rate}"
 
     @property
@@ -67,7 +67,7 @@ class SizedTerm:
         return f"per {format_unit(unit) if unit else 'unit time'}"
 
     def size(self, factor: float = 1.0) -> str:
-        """Return the coefficient times a factor, with standard deviation and unit if known."""
+        """Return the coefficient times a factor, with its error, and with its unit if known."""
         size = with_error(factor * self.value, abs(factor) * self.std)
         return with_unit(size, self.unit)
 

@@ -42,7 +42,7 @@ def bump(system: System) -> Tensor:
 
 
 def found(system: System, discovery: Discovery) -> Where:
-    return locate(system, discovery, bump(system), TIMES, NAMES)
+    return locate(system, discovery, bump(system), TIMES, NAMES, discovery.noise.std)
 
 
 def rms(system: System, equation: str, states: Tensor) -> float:

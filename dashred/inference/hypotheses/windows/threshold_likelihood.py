@@ -13,7 +13,8 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from dashred.inference.fit.law import Z95, Law
+from dashred.core.formatting import Z95
+from dashred.inference.fit.law import Law
 from dashred.inference.fit.levenberg_marquardt import chord_refits
 from dashred.inference.forward.law_block import WindowedTerms
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit

@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 import torch
 
+from dashred.core.formatting import Z95
 from dashred.inference.fit.fitted_law import build_law
-from dashred.inference.fit.law import Z95
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.windows.threshold_likelihood import profile_threshold
