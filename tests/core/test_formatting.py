@@ -10,17 +10,17 @@ from dashred.core.formatting import joined, number, parenthesize_sum, percent, r
 @pytest.mark.parametrize(
     ("value", "std", "printed"),
     [
-        (-0.0397123, 0.00031, "−0.0397 ± 0.0003"),
-        (0.025, 0.0012, "0.0250 ± 0.0012"),
-        (1234.5, 20.0, "1230 ± 20"),
-        (0.1, 0.003, "0.100 ± 0.003"),
-        (3.21e-7, 2e-8, "3.2e−07 ± 2e−08"),
-        (-0.0, 0.2, "0.0 ± 0.2"),
+        (-0.0397123, 0.00031, "−0.0397 ± 0.0006"),
+        (0.025, 0.0012, "0.025 ± 0.002"),
+        (1234.5, 20.0, "1230 ± 40"),
+        (0.1, 0.003, "0.100 ± 0.006"),
+        (3.21e-7, 2e-8, "3.2e−07 ± 4e−08"),
+        (-0.0, 0.2, "0.0 ± 0.4"),
         (0.035, 0.0, "0.035 ± 0"),
         (0.035, float("nan"), "0.035 ± nan"),
     ],
 )
-def test_a_value_is_rounded_to_its_uncertainty(value: float, std: float, printed: str) -> None:
+def test_a_value_is_rounded_to_its_interval(value: float, std: float, printed: str) -> None:
     assert with_error(value, std) == printed
 
 

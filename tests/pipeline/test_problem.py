@@ -98,10 +98,10 @@ def test_units_of_either_side_hold_and_are_told(make_problem) -> None:
     problem = make_problem(traces(), "system.units.x=m", units={"t": "s", "u": "K"})
     assert problem.system.units == {"t": "s", "u": "K", "x": "m"}
     told = {
-        "bias": "sensor s1 has a bias of 1.50 ± 0.10 K",
-        "drift": "sensor s1 drifts by 1.50 ± 0.10 K per s",
-        "stuck": "sensor s1 is stuck at 1.50 ± 0.10 K from t = 3 s on",
-        "misplaced": "sensor s1 is 1.50 ± 0.10 m away from its stated position",
+        "bias": "sensor s1 has a bias of 1.50 ± 0.20 K",
+        "drift": "sensor s1 drifts by 1.50 ± 0.20 K per s",
+        "stuck": "sensor s1 is stuck at 1.50 ± 0.20 K from t = 3 s on",
+        "misplaced": "sensor s1 is 1.50 ± 0.20 m away from its stated position",
     }
     for kind, words in told.items():
         fault = problem.fault_details(SensorFault(kind, "s1", 1.5, 0.1, 3.0))

@@ -56,7 +56,7 @@ def test_a_missing_term_beside_an_uncertain_divisor(train, tmp_path: Path) -> No
     assert fitted["aliases"] == ["k"]
     held = found["fit"]["heldout_episode"]
     assert held["corrected"] < 0.3 * held["simulation_refit"]
-    assert "m = " in ended.out and "stated 1.5 ± 0.5" in ended.out
+    assert "m = " in ended.out and "stated 1.5, spread 0.5" in ended.out
     corrected = yaml.safe_load(ended.read("corrected.yaml"))["system"]
     assert corrected["parameters"]["m"] == pytest.approx(fitted["value"])
     assert "parameter_spread" not in corrected

@@ -46,7 +46,7 @@ def test_a_term_has_its_interval_and_its_text(flow: System) -> None:
     assert told["coefficient"] == pytest.approx(-0.04) and told["std"] == pytest.approx(0.002)
     assert told["ci95"] == pytest.approx([-0.04392, -0.03608], rel=1e-3)
     assert told["effect"] == "linear damping of internal energy"
-    assert told["says"] == "linear damping of internal energy, −0.040 ± 0.002 per unit time"
+    assert told["says"] == "linear damping of internal energy, −0.040 ± 0.004 per unit time"
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_a_windowed_term_has_its_region(flow: System, shape, values, region, wor
     add_term_text(found, flow)
     told: dict[str, Any] = dict(found)
     assert (told["term"], told["region"]) == ("u", [region])
-    damping = "linear damping of internal energy, −0.040 ± 0.002 per unit time"
+    damping = "linear damping of internal energy, −0.040 ± 0.004 per unit time"
     assert told["says"] == f"{damping}, {words}"
     [other] = alternatives(laws.discovery(laws.law(), dataclasses.replace(best, score=3.0)), flow)
     window = other["terms"][0]["window"]
@@ -102,7 +102,7 @@ def test_a_windowed_term_has_its_region(flow: System, shape, values, region, wor
 @pytest.mark.parametrize(
     ("fault", "words"),
     [
-        (SensorFault("bias", "s1", 0.1234, 0.011, None), "sensor s1 has a bias of 0.123 ± 0.011"),
+        (SensorFault("bias", "s1", 0.1234, 0.011, None), "sensor s1 has a bias of 0.12 ± 0.02"),
         (SensorFault("stuck", "s1", 1.5, None, 12.3), "sensor s1 is stuck at 1.5 from t = 12.3 on"),
         (
             SensorFault("spikes", "s1", 3.0, None, None),
@@ -121,11 +121,11 @@ def test_a_windowed_term_has_its_region(flow: System, shape, values, region, wor
                 None,
                 curves=(ErrorCurve((0.0, 2.5, 5.0), (0.1, -0.31, 0.2), (0.05, 0.05, 0.05)),),
             ),
-            "the readings of sensor s1 wander: their error is up to −0.31 ± 0.05 at t = 2.5",
+            "the readings of sensor s1 wander: their error is up to −0.31 ± 0.10 at t = 2.5",
         ),
         (
             SensorFault("misplaced", "s1", -0.12, 0.02, None),
-            "sensor s1 is −0.12 ± 0.02 away from its stated position",
+            "sensor s1 is −0.12 ± 0.04 away from its stated position",
         ),
     ],
 )
@@ -143,7 +143,7 @@ def test_a_parameter_is_given_by_its_new_value(flow: System) -> None:
     assert told["coefficient"] == pytest.approx(-0.04)
     assert told["ci95"] == pytest.approx([0.06 - 0.00588, 0.06 + 0.00588], rel=1e-3)
     assert told["says"] == (
-        "nu is 0.060 ± 0.003, not 0.1; a change of mu or kappa has the same effect"
+        "nu is 0.060 ± 0.006, not 0.1; a change of mu or kappa has the same effect"
     )
 
 
@@ -219,7 +219,7 @@ def test_the_text_of_a_law_with_a_term_and_a_parameter(flow: System) -> None:
     law = laws.law([laws.term(flow, "u", "u"), laws.parameter(flow, "nu")], [-0.04, 0.01])
     text = law_text(terms_of_law(flow, law), flow)
     assert text.startswith("The simulation leaves out linear damping of internal energy, −0.0400")
-    assert text.endswith("A parameter has a wrong value: nu is 0.1100 ± 0.0010, not 0.1.")
+    assert text.endswith("A parameter has a wrong value: nu is 0.1100 ± 0.0020, not 0.1.")
     assert "no missing term" in law_text(terms_of_law(flow, laws.law()), flow)
 
 

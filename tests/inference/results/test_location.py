@@ -129,6 +129,22 @@ def test_a_law_has_a_gain_where_the_misfit_decreases(flow: System) -> None:
     assert second["gain"] == pytest.approx(0.0) and second["p"] == pytest.approx(1.0)
 
 
+def test_misfits_are_in_units_of_the_noise_of_the_traces(flow: System) -> None:
+    # The residuals of the fit, of σ = 1, are four times the noise.
+    best = laws.law([laws.term(flow, "u", "u")], [0.1])
+    discovery = laws.discovery(best, uncorrected=law_with_residuals(3.0, 3.0))
+    recorded = discovery.noise.std / 4
+    where = locate(flow, discovery, bump(flow), TIMES, NAMES, recorded)
+    first, second, _ = where["sensors"]
+    assert (first["before"], first["after"]) == (pytest.approx(144.0), pytest.approx(16.0))
+    assert where["profile"]["after"] == pytest.approx([4.0] * len(TIMES))
+    # The tests are those of the fit.
+    old = found(flow, discovery)
+    assert where["significance"] == old["significance"]
+    assert [each["p"] for each in where["sensors"]] == [each["p"] for each in old["sensors"]]
+    assert second["p"] == pytest.approx(1.0)
+
+
 def test_the_profile_in_time(flow: System) -> None:
     best = laws.law([laws.term(flow, "u", "u")], [0.1])
     available = torch.ones(laws.SAMPLES, laws.SENSORS, dtype=torch.bool)

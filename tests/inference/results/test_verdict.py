@@ -46,7 +46,7 @@ def test_a_sensor_and_the_start_may_be_the_cause(flow: System) -> None:
     found, causes = verdict(laws.discovery(laws.law(faults=[fault]), laws.law(score=50.0)))
     assert found == causes[0]["kind"] == "sensor-fault"
     assert causes[0]["sensor"] == "s03"
-    assert cause_text(causes[0]) == "sensor s03 drifts by 0.0123 ± 0.0011 per unit time"
+    assert cause_text(causes[0]) == "sensor s03 drifts by 0.012 ± 0.002 per unit time"
     found, causes = verdict(laws.discovery(laws.law(widened=3.0), laws.law(score=50.0)))
     assert found == causes[0]["kind"] == "initial-condition" and causes[0]["start"] == 3.0
     far = laws.law(widened=6.0, score=2.0)
@@ -76,7 +76,11 @@ def test_an_effect_beyond_the_best_law_is_outside_the_library(
     found, [outside, nearest, *_] = verdict(laws.discovery(best, forcing_gain=30.0))
     assert found == outside["kind"] == "outside-library"
     # A forcing is not a law, so it has no share of the probability of the laws.
-    assert outside["probability"] is None and outside["gain"] == 30.0
+    assert (
+        outside["probability"] is None and outside["gain"] == 30.0 and "unexplained" not in outside
+    )
+    [outside, *_] = verdict(laws.discovery(best, forcing_gain=30.0), 0.83)[1]
+    assert (outside["unexplained"], outside["misfit"]) == (0.83, best.chi2)
     assert nearest["terms"] == ["u: u"]
 
 
@@ -222,7 +226,7 @@ def test_a_part_of_a_larger_law_has_to_leave_noise_alone(
     assert found == kind
     if found == "outside-library":
         assert causes[0]["probability"] is None and causes[1]["terms"] == ["u: u"]
-        assert "1.24 per reading" in str(cause_text(causes[0]))
+        assert "1.24 times the mean squared misfit" in str(cause_text(causes[0]))
         assert "2 further terms" in str(cause_text(causes[0]))
 
 

@@ -153,7 +153,7 @@ def test_the_unit_is_that_of_the_let(tmp_path: Path) -> None:
     terms = build_let_terms(system, {"m": ["m*W"]})
     described = describe_term(system, "m", terms[0].expression, -0.02, 0.001)
     assert described.text == (
-        "a change of m in the equations of X, G and W by (−0.0200 ± 0.0010 l/g)·W·m"
+        "a change of m in the equations of X, G and W by (−0.0200 ± 0.0020 l/g)·W·m"
     )
 
 

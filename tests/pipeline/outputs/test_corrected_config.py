@@ -114,8 +114,8 @@ def test_the_header_says_what_was_added_and_from_what(mine: Path, tmp_path: Path
     write_corrected(path, config, system, example(system), "0123456789abcdef0123")
     lines = path.read_text().splitlines()
     header = " ".join(line.removeprefix("# ") for line in lines if line.startswith("#"))
-    assert "cubic damping of internal energy (saturation), (−0.0251 ± 0.0010)·u³" in header
-    assert "nu is 0.1152 ± 0.0010, not 0.1" in header
+    assert "cubic damping of internal energy (saturation), (−0.0251 ± 0.0020)·u³" in header
+    assert "nu is 0.1152 ± 0.0020, not 0.1" in header
     assert "0123456789abcdef… " not in header and "0123456789abcdef…, seed 4" in header
     assert "estimates.nc" in header
     assert max(map(len, lines)) <= 100
@@ -244,7 +244,7 @@ def test_fitted_parameters_are_in_it_without_a_spread(
     assert again.system.parameter_spread == {}
     assert "spread" not in again.written["system"]
     header = (tmp_path / "corrected.yaml").read_text().partition("system:")[0]
-    assert "\n#\n# Fitted parameters:\n#  nu = 0.1152 ± 0.0010 (stated 0.1 ± 0.05)\n#\n" in header
+    assert "\n#\n# Fitted parameters:\n#  nu = 0.1152 ± 0.0020 (stated 0.1, spread 0.05)\n#\n" in header
     assert "cubic damping" in header and "wrong" not in header
     where = states(system)
     nu = laws.law([*law.candidates, laws.parameter(system, "nu")], [-0.0251, 0.0152])

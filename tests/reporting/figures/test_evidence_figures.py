@@ -134,7 +134,7 @@ def test_the_best_size_is_ringed_and_the_law_is_named() -> None:
     np.testing.assert_array_equal(curve.get_ydata(), [5400, 800, 0, 11])
     assert list(np.asarray(ring.get_xdata())) == [2]
     assert "ring:\nu: u³\nchange of nu" in texts(figure)
-    assert any("−0.0251 ± 0.0004" in text for text in texts(figure))
+    assert any("−0.0251 ± 0.0008" in text for text in texts(figure))
 
 
 def test_a_law_off_the_path_has_no_ring() -> None:

@@ -26,5 +26,5 @@ def test_an_offset_names_the_field_and_the_end(change, way):
         "meaning": "value of T at the left end",
     }
     end = f"{way} than stated (T_left_offset)"
-    assert parameter_text(found) == f"the value of T at the left end is 1.29 ± 0.05 {end}"
+    assert parameter_text(found) == f"the value of T at the left end is 1.29 ± 0.10 {end}"
     assert short_parameter_text(found) == f"the value of T at the left end is 1.29 {end}"

@@ -7,8 +7,10 @@ import pytest
 
 from dashred.core.findings.schema import Comparison, Fit, Input, errors_by_method, new_findings
 from dashred.reporting.page.html import page
+from dashred.reporting.text.causes import cause_text
 from dashred.reporting.text.headline import headline
 from dashred.reporting.text.improvement import improvements
+from dashred.reporting.text.summary import summary
 from dashred.reporting.text.verdict import verdict_lines
 
 SOURCE = Input(
@@ -101,8 +103,8 @@ def test_an_unconfirmed_law_is_a_suggestion_with_the_comparison_that_failed() ->
         "Verdict: unconfirmed: an explanation fits the recording, but the held-out data contradict "
         "it.",
         "  At the test sensors the error is 0.52 with the suggested law, and 0.21 for the "
-        "simulation from its best start. The mean squared error is larger by 0.23 ± 0.05 (99 % "
-        "interval).",
+        "simulation from its best start. The mean squared error is larger by 0.23 (99 % "
+        "interval: 0.17 to 0.28).",
         "  Suggested, but not confirmed: the simulation leaves out cubic damping of u, "
         "(−0.0251 ± 0.0004)·u³ per unit time.",
     ]
@@ -163,8 +165,8 @@ def test_unconfirmed_faults_are_told_with_the_misfits_at_the_test_sensors() -> N
     assert lines[1:3] == [
         "  If only these sensors erred, the simulation would agree with the sensors that no fit "
         "has used, or only distant ones would err as well. It does not: an effect that the "
-        "simulation lacks is more likely. Errors in standard deviations of the noise: 8.61 at s03, "
-        "beyond all bounds at s07.",
+        "simulation lacks is more likely. Errors in standard deviations of the fit's residuals: "
+        "8.61 at s03, beyond all bounds at s07.",
         "  Suggested, but not confirmed: the readings of sensor s08 wander.",
     ]
     assert headline(told) == (
@@ -267,7 +269,7 @@ def test_where_a_sensor_is_the_correction_the_headline_tells_the_gain() -> None:
     }
     sensor = found(verdict="sensor-fault", terms=[], where=None, causes=[fault])
     told = headline(sensor)
-    assert "sensor s3 has a bias of 0.300 ± 0.010" in told
+    assert "sensor s3 has a bias of 0.300 ± 0.020" in told
     assert told.endswith("in the held-out time is 2 times smaller.")
 
 
@@ -313,8 +315,64 @@ def test_further_supported_terms_are_listed_after_the_law() -> None:
     told = found(verdict="missing-term", also_supported=more)
     line = "Also supported: u: 0.0249·u, nu +0.015; the forecast does not need these terms."
     assert line in text_of(told) and line in page(told, {}, "")
-    assert "does not need this term." in text_of(found(also_supported=more[:1]))
-    assert "Also supported" not in text_of(found())
+    alone = found(verdict="missing-term", also_supported=more[:1])
+    assert "does not need this term." in text_of(alone)
+    assert "Also supported" not in text_of(found(verdict="missing-term"))
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"verdict": "unconfirmed"},
+        {"verdict": "outside-library", "causes": [{"kind": "outside-library", "gain": 9.0}]},
+        {"verdict": "outside-library", "causes": [{"kind": "outside-library", "residual": 0.3}]},
+    ],
+)
+def test_terms_beside_a_law_that_does_not_explain_are_not_called_supported(changed: Any) -> None:
+    more: Any = [
+        {"equation": "u", "term": "u", "coefficient": 0.0249, "window": None, "region": None}
+    ]
+    text = text_of(found(also_supported=more, **changed))
+    assert "Further terms lower the misfit, but are not confirmed: u: 0.0249·u." in text
+    assert "supported" not in text
+
+
+@pytest.mark.parametrize(
+    ("cause", "told"),
+    [
+        # A quarter of the misfit is noise, and the given law leaves four times as much.
+        (
+            {"gain": 250.0, "unexplained": 0.75, "misfit": 4.0},
+            "the best law of a few terms leaves residuals of 4 times the noise, and what it leaves "
+            "unexplained gains 250 in evidence",
+        ),
+        (
+            {"gain": 9.0, "unexplained": 0.1, "misfit": 0.9},
+            "what the best law of a few terms leaves unexplained gains 9 in evidence",
+        ),
+        ({"gain": 9.0}, "what the best law of a few terms leaves unexplained gains 9 in evidence"),
+    ],
+)
+def test_what_the_best_law_leaves_is_told_and_not_what_no_law_can_do(cause: Any, told: str) -> None:
+    assert cause_text({"kind": "outside-library", "probability": None, **cause}) == told
+    text = text_of(found(verdict="outside-library", causes=[{"kind": "outside-library", **cause}]))
+    assert "no law of a few terms of the library explains the recording" in text
+    assert "cannot express" not in text
+
+
+def test_few_held_out_samples_are_called_little_evidence() -> None:
+    told = found(BETTER, verdict="missing-term")
+    told["fit"]["held_out_samples"] = {"test_sensors": 40, "heldout_time": 2}
+    [first, second] = improvements(told)
+    assert "evidence" not in first
+    assert second.endswith("2 times smaller. 2 held-out samples are little evidence.")
+    text = summary(told, None, {})
+    assert "Test sensors, not used in any fit (40 samples): RMSE" in text
+    assert "Held-out time, the end of the recording (2 samples): RMSE" in text
+    shown = page(told, {}, "")
+    assert "test sensors (40 samples)" in shown and "held-out time (2 samples)" in shown
+    told["fit"]["test_sensors"] = errors_by_method()
+    assert headline(told).endswith("in the held-out time is 2 times smaller, in 2 samples only.")
 
 
 def test_a_fault_beside_the_nearest_law_is_told_as_such() -> None:

@@ -21,12 +21,12 @@ FOUND: dict[str, Any] = {
 
 def test_a_hidden_state_is_told_in_words_and_symbols() -> None:
     assert hidden_state_text(FOUND) == (
-        "a hidden state z relaxes toward T with a time constant τ of 199.9 ± 0.9, and acts on T "
-        "with a gain of 0.003336 ± 0.000011: dz/dt = (T − z)/τ, and dT/dt also contains "
+        "a hidden state z relaxes toward T with a time constant τ of 199.9 ± 1.8, and acts on T "
+        "with a gain of 0.00334 ± 0.00002: dz/dt = (T − z)/τ, and dT/dt also contains "
         "gain·(z − T)"
     )
 
 
 def test_its_units_are_told() -> None:
     text = hidden_state_text(FOUND | {"time_unit": "s", "gain_unit": "1/s"})
-    assert ("199.9 ± 0.9 s," in text and "(0.003336 ± 0.000011) 1/s" in text) or "per s" in text
+    assert ("199.9 ± 1.8 s," in text and "(0.00334 ± 0.00002) 1/s" in text) or "per s" in text

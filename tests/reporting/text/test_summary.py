@@ -121,7 +121,7 @@ def test_brackets_in_names_are_printed_as_they_are() -> None:
 def test_a_simulation_less_exact_than_its_sensors_says_what_to_do() -> None:
     told = [summary(doubtful(error), None, {}) for error in (None, 0.9, 2.44)]
     assert ["halve the time step" in text for text in told] == [False, False, True]
-    assert "of the corrected simulation is 2.4 times the noise of the sensors" in told[2]
+    assert "of the corrected simulation is 2.4 times the residuals of the fit" in told[2]
     assert "halve the time step" in page(doubtful(2.44), {}, "")
 
 
