@@ -78,7 +78,15 @@ def test_a_spent_budget_gives_an_honest_verdict(
     assert findings["budget"]["seconds"] == 200.0
     left_out = findings["budget"]["not_tried"]
     assert {"epochs 2 to 2 of SHRED", "a longer horizon", "all other causes"} <= set(left_out)
-    assert "all other causes" in summary(findings, None, {})
+    told = summary(findings, None, {})
+    assert "all other causes" in told
+    # Most of the budget is left: the shares of the stages were what was too small.
+    assert "did not suffice for everything" not in told
+    assert "Every stage has a share of the budget of 200 s, and not every share sufficed" in told
+    # The noise is that of the traces, whatever the fit leaves.
+    noise = findings["fit"]["noise_std"]
+    assert noise == pytest.approx({"x": NOISE, "v": 2 * NOISE}, rel=0.3)
+    assert set(findings["fit"]["residual_std"]) == {"x", "v"}
 
 
 def test_other_causes_that_were_not_weighed_are_listed(

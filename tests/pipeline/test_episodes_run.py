@@ -97,6 +97,12 @@ def test_a_damped_oscillator_in_three_episodes(train, tmp_path: Path) -> None:
     fit = found["fit"]
     assert set(fit["noise_std"]) == {"x", "p"}
     assert all(0.8 * SIGMA < std < 1.2 * SIGMA for std in fit["noise_std"].values())
+    assert all(0.8 * SIGMA < std < 1.2 * SIGMA for std in fit["residual_std"].values())
+    assert set(fit["held_out_samples"]) == {
+        "heldout_time",
+        "heldout_restarted",
+        "heldout_episode",
+    }
     held = fit["heldout_episode"]
     assert held["corrected"] < 0.3 * held["simulation_refit"]
     assert fit["heldout_time"]["corrected"] < 0.3 * fit["heldout_time"]["simulation_refit"]

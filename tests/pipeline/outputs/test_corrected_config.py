@@ -244,7 +244,10 @@ def test_fitted_parameters_are_in_it_without_a_spread(
     assert again.system.parameter_spread == {}
     assert "spread" not in again.written["system"]
     header = (tmp_path / "corrected.yaml").read_text().partition("system:")[0]
-    assert "\n#\n# Fitted parameters:\n#  nu = 0.1152 ± 0.0020 (stated 0.1, spread 0.05)\n#\n" in header
+    assert (
+        "\n#\n# Fitted parameters:\n#  nu = 0.1152 ± 0.0020 (stated 0.1, spread 0.05)\n#\n"
+        in header
+    )
     assert "cubic damping" in header and "wrong" not in header
     where = states(system)
     nu = laws.law([*law.candidates, laws.parameter(system, "nu")], [-0.0251, 0.0152])

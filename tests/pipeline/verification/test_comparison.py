@@ -13,6 +13,7 @@ from dashred.core.findings.schema import Comparison
 from dashred.inference.fit.law import Law
 from dashred.pipeline.verification import comparison
 from dashred.pipeline.verification.comparison import compare_held_out, misfits_at_sensors
+from dashred.pipeline.verification.held_out import held_out_samples
 from dashred.pipeline.verification.predictions import Array, Predictions
 from tests import laws
 
@@ -35,6 +36,15 @@ def predictions(
 def compared(part: Predictions) -> Comparison:
     [found] = compare_held_out({"heldout_time": [part]})
     return found
+
+
+def test_held_out_samples_are_the_times_with_readings() -> None:
+    part = predictions(np.zeros(80), np.zeros(80))
+    part.recorded[:3] = np.nan
+    part.recorded[10, 0] = np.nan
+    unread = replace(part, recorded=np.full((80, 0), np.nan))
+    counted = held_out_samples({"heldout_time": [part, part], "test_sensors": [unread]})
+    assert counted == {"heldout_time": 2 * 77}
 
 
 def test_the_difference_of_the_squared_errors_is_that_of_the_runs() -> None:
