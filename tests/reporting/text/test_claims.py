@@ -354,8 +354,9 @@ def test_terms_beside_a_law_that_does_not_explain_are_not_called_supported(chang
     ],
 )
 def test_what_the_best_law_leaves_is_told_and_not_what_no_law_can_do(cause: Any, told: str) -> None:
-    assert cause_text({"kind": "outside-library", "probability": None, **cause}) == told
-    text = text_of(found(verdict="outside-library", causes=[{"kind": "outside-library", **cause}]))
+    whole: Any = {"kind": "outside-library", "probability": None} | cause
+    assert cause_text(whole) == told
+    text = text_of(found(verdict="outside-library", causes=[whole]))
     assert "no law of a few terms of the library explains the recording" in text
     assert "cannot express" not in text
 
