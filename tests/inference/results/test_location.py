@@ -136,7 +136,7 @@ def test_misfits_are_in_units_of_the_noise_of_the_traces(flow: System) -> None:
     recorded = discovery.noise.std / 4
     where = locate(flow, discovery, bump(flow), TIMES, NAMES, recorded)
     first, second, _ = where["sensors"]
-    assert (first["before"], first["after"]) == (pytest.approx(144.0), pytest.approx(16.0))
+    assert first["before"] == pytest.approx(144.0) and first["after"] == pytest.approx(16.0)
     assert where["profile"]["after"] == pytest.approx([4.0] * len(TIMES))
     # The tests are those of the fit.
     old = found(flow, discovery)
