@@ -89,9 +89,11 @@ def noise_ratio(unexplained: float, misfit: float) -> float:
 
     Args:
         unexplained: share of the misfit of the largest fitted law that is not noise.
-        misfit: χ²/n of the given law, relative to the residuals of the largest.
+        misfit: χ²/n of the given law, relative to the residuals of the largest; it does not count
+            if the law's run blows up.
     """
-    return math.sqrt(max(misfit, 1.0) / max(1 - unexplained, 1e-12))
+    relative = max(misfit, 1.0) if math.isfinite(misfit) else 1.0
+    return math.sqrt(relative / max(1 - unexplained, 1e-12))
 
 
 def fault_causes(causes: Sequence[Cause]) -> list[Cause]:

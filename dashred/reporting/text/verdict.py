@@ -236,8 +236,8 @@ def _also_supported(findings: Mapping[str, Any]) -> list[str]:
     if not others:
         return []
     listed = ", ".join(in_symbols(term, term["region"]) for term in others)
-    leaves = (findings["causes"] or [{}])[0]
-    if not is_confirmed(findings) or {"gain", "residual"} & leaves.keys():
+    leading = (findings["causes"] or [{}])[0]
+    if not is_confirmed(findings) or {"gain", "residual"} & leading.keys():
         return [f"further terms lower the misfit, but are not confirmed: {listed}"]
     noun = "this term" if len(others) == 1 else "these terms"
     return [f"also supported: {listed}; the forecast does not need {noun}"]

@@ -350,6 +350,11 @@ def test_terms_beside_a_law_that_does_not_explain_are_not_called_supported(chang
             {"gain": 9.0, "unexplained": 0.1, "misfit": 0.9},
             "what the best law of a few terms leaves unexplained gains 9 in evidence",
         ),
+        (
+            {"gain": 9.0, "unexplained": 0.75, "misfit": math.inf},
+            "the best law of a few terms leaves residuals of 2 times the noise, and what it leaves "
+            "unexplained gains 9 in evidence",
+        ),
         ({"gain": 9.0}, "what the best law of a few terms leaves unexplained gains 9 in evidence"),
     ],
 )
