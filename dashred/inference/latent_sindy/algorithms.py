@@ -94,8 +94,8 @@ def stacked_blocks(targets: list[Tensor], designs: list[Tensor], size: Tensor) -
 
     The steps from one begin overlap. They form one block, which is left out and redrawn as a whole.
     A reconstructed field may lie where the simulator blows up. Blocks with such a step are dropped.
-    A term from which most steps blow up, such as a high derivative that the solver does not resolve,
-    gets a zero column and cannot be proposed.
+    A term under which most steps blow up, such as a high derivative that the solver does not
+    resolve, gets a zero column and cannot be proposed.
 
     Args:
         targets: ``(block, latent)`` of each step length.
