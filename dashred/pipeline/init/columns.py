@@ -26,6 +26,7 @@ from dashred.data.io.tables.table_layout import TIMES, TableLayout, split_header
 from dashred.data.io.tables.time_column import TimeColumn, find_time_column, has_dates, read_times
 from dashred.data.recording import Recording
 from dashred.data.sensors import RESERVED
+from dashred.pipeline.init.held import changes_in_steps
 from dashred.pipeline.init.layout import has_numbers, is_usable, read_with_guessed_names
 from dashred.pipeline.init.long import may_name_sensors
 
@@ -35,8 +36,6 @@ POINTS = {1: 64, 2: 32}
 # More columns than the first number are probably not the fields of an ODE; more than the second are
 # an error.
 MANY_FIELDS, MAX_FIELDS = 8, 64
-# An input that repeats its value in more than this share of the rows changes in steps.
-HELD = 0.5
 # A name before the number in a cell: T:85.05, or T=85.05.
 LABEL = re.compile(r"[A-Za-z]\w*\s*[:=]\s*(?=[-+.\d])")
 # Unit of time for dates, by the shortest step in seconds.
@@ -160,7 +159,7 @@ def read_recording(
         guessed = _system_from_columns(table, (*times, *driving, *unread))
     else:
         guessed = _system_from_sensors(read_table(sensors_table))
-    held = tuple(name for name in driving if _changes_in_steps(table.numbers(name)))
+    held = tuple(name for name in driving if changes_in_steps(table.numbers(name)))
     guessed = replace(guessed, inputs=driving, held_inputs=held)
     if unit := _unit_of_dates(table, time, guessed):
         guessed = replace(guessed, units={TIME: unit})
@@ -220,11 +219,6 @@ def _unit_of_dates(table: Columns, time: TimeColumn, guessed: GuessedSystem) -> 
     known = np.abs(steps[np.isfinite(steps)])
     step = float(np.median(known)) if len(known) else 1.0
     return next(unit for unit, shortest in TIME_UNITS.items() if step >= shortest)
-
-
-def _changes_in_steps(values: NDArray[np.float64]) -> bool:
-    known = values[np.isfinite(values)]
-    return len(known) > 1 and float((np.diff(known) == 0).mean()) > HELD
 
 
 def _counts_rows(values: NDArray[np.float64]) -> bool:
