@@ -8,16 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from dashred.data.clocks.resampling import native_step
+from dashred.data.clocks.resampling import native_step, resample
 from dashred.data.recording import Recording
 
 # This many samples per period resolve a wave; more add little information.
 SAMPLES_PER_PERIOD = 16
 # A suggested step keeps at least this many samples.
 MIN_SAMPLES_KEPT = 150
-# A change is lost if a reading is farther from its interpolation than this many noise σ, plus this
-# share of the std of its trace. Smaller ones are sensor faults, or errors of the interpolation.
-LOST, LOST_SHARE = 6.0, 0.1
+# A change is lost if two averages in a row are farther from their interpolation than this many of
+# their noise σ, plus this share of the std of the trace: ten times the error of a spline through 16
+# samples of a period.
+LOST, LOST_SHARE = 6.0, 0.003
+# An average has at most so many readings, because rounding errors do not average out, and a step
+# contains at least so many averages.
+AVERAGED, BLOCKS_PER_STEP = 4, 4
 # A spline through fewer samples shows nothing.
 FEWEST_KEPT = 8
 # A trace that varies by less than this many noise σ has no measurable time scale.
@@ -66,32 +70,82 @@ def suggested_step(
     own = native_step(recording.times)
     most = float(recording.times[-1] - recording.times[0]) / MIN_SAMPLES_KEPT
     step = round_down(min(own * min(lags.values()), most))
-    # Each nth sample: nothing needs to be interpolated.
-    while (every := int(step / own + 1e-6)) >= 2:
-        if not _loses_changes(recording, noise, every):
-            return float(f"{every * own:.6g}")
-        step = round_down(step / 2)
+    return _longest_that_keeps(recording, noise, step)
+
+
+def lost_change(
+    recording: Recording, noise: NDArray[np.float64], step: float
+) -> tuple[str, float] | None:
+    """Return the first change in a recording that its samples on a clock do not show.
+
+    Averages of a few readings have less noise. Those on the clock are interpolated by a spline. A
+    change is lost if the difference from two others in a row is far above the noise, as in a
+    response that is faster than the clock.
+
+    Args:
+        recording: the samples.
+        noise: σ of each sensor, ``(sensor,)``, in its unit.
+        step: of the clock.
+
+    Returns:
+        The sensor and the time; None if no change is lost.
+    """
+    most = float(recording.times[-1] - recording.times[0]) / FEWEST_KEPT
+    count = int(step / native_step(recording.times)) // BLOCKS_PER_STEP
+    count = min(max(count, 1), AVERAGED)
+    limits = LOST * noise / math.sqrt(count) + LOST_SHARE * recording.trace_std()
+    for index, (sensor, limit) in enumerate(zip(recording.sensors, limits, strict=True)):
+        known = ~np.isnan(recording.values[:, index])
+        times, values = _averages(recording.times[known], recording.values[known, index], count)
+        if len(times) < FEWEST_KEPT or step > most:
+            continue
+        averaged = Recording((sensor,), times, values[:, None])
+        thinned = resample(averaged, step, FEWEST_KEPT)[0]
+        kept = ~np.isnan(thinned.values[:, 0])
+        if kept.sum() < FEWEST_KEPT:
+            continue
+        spline = CubicSpline(thinned.times[kept], thinned.values[kept, 0])
+        inside = times <= thinned.times[kept][-1]
+        off = np.abs(spline(times[inside]) - values[inside]) > limit
+        twice = np.flatnonzero(off[:-1] & off[1:])
+        if twice.size:
+            return sensor.name, float(times[twice[0]])
     return None
 
 
-def _loses_changes(recording: Recording, noise: NDArray[np.float64], every: int) -> bool:
-    """Return whether each nth sample alone does not show what the others show.
+def _averages(
+    times: NDArray[np.float64], values: NDArray[np.float64], count: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the means of so many samples each, without those across a gap."""
+    whole = len(times) - len(times) % count
+    clock, read = times[:whole].reshape(-1, count), values[:whole].reshape(-1, count)
+    spans = np.ptp(clock, axis=1)
+    together = spans <= 2 * np.median(spans)
+    return clock[together].mean(axis=1), read[together].mean(axis=1)
 
-    The readings are interpolated between each nth sample, by a spline. Changes are lost if the
-    difference from two samples within one step is far above the noise.
+
+def step_that_keeps(recording: Recording, noise: NDArray[np.float64], step: float) -> float | None:
+    """Return a step of n samples, shorter than ``step``, that loses no change; None without one.
+
+    Args:
+        recording: the samples.
+        noise: σ of each sensor, ``(sensor,)``, in its unit.
+        step: of a clock that loses a change.
     """
-    limits = LOST * noise + LOST_SHARE * recording.trace_std()
-    for values, limit in zip(recording.values.T, limits, strict=True):
-        known = np.flatnonzero(~np.isnan(values))
-        kept = known[::every]
-        if len(kept) < FEWEST_KEPT:
-            continue
-        inside = known[known <= kept[-1]]
-        spline = CubicSpline(recording.times[kept], values[kept])
-        lost = np.abs(spline(recording.times[inside]) - values[inside]) > limit
-        if (lost[:-1] & lost[1:]).any():
-            return True
-    return False
+    return _longest_that_keeps(recording, noise, round_down(step / 2))
+
+
+def _longest_that_keeps(
+    recording: Recording, noise: NDArray[np.float64], step: float
+) -> float | None:
+    own = native_step(recording.times)
+    # Each nth sample: nothing needs to be interpolated.
+    while (every := int(step / own + 1e-6)) >= 2:
+        tried = float(f"{every * own:.6g}")
+        if lost_change(recording, noise, tried) is None:
+            return tried
+        step = round_down(step / 2)
+    return None
 
 
 def round_down(value: float) -> float:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from dashred.core.errors import InputError
 from dashred.data.clocks.own_times import is_uneven
 from dashred.data.clocks.resampling import coarser_step
-from dashred.data.clocks.time_scale import samples_per_change, suggested_step
+from dashred.data.clocks.time_scale import lost_change, samples_per_change, suggested_step
 from dashred.data.io.missing_sentinels import mask_sentinels
 from dashred.data.noise_level import noise_std
 from dashred.data.recording import Recording
-from dashred.pipeline.init.columns import GuessedSystem
+from dashred.pipeline.init.guessed_system import GuessedSystem
 from dashred.pipeline.init.relations import Rate, find_rates
 from dashred.pipeline.init.start import start_expression
 
@@ -90,6 +90,8 @@ def _step(guessed: GuessedSystem, recording: Recording, noise: NDArray[np.float6
     if not guessed.axes and is_uneven(recording.times) and len(recording.times) < MANY_SAMPLES:
         return None
     every = coarser_step(recording)
+    if every is not None and not guessed.axes and lost_change(recording, noise, every) is not None:
+        return None
     return every or suggested_step(recording, samples_per_change(recording, noise), noise)
 
 

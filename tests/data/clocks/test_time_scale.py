@@ -7,7 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dashred.data.clocks.time_scale import round_down, samples_per_change, suggested_step
+from dashred.data.clocks.time_scale import (
+    lost_change,
+    round_down,
+    samples_per_change,
+    step_that_keeps,
+    suggested_step,
+)
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 
@@ -42,6 +48,45 @@ def test_a_short_transient_is_not_thinned_away(begin: int) -> None:
     values = recording.values + ringing[:, None]
     step = suggested_step(replace(recording, values=values), {"y": 10}, noise)
     assert step is None or step <= 1.0
+
+
+@pytest.mark.parametrize("sigma", [1e-4, 1e-3])
+@pytest.mark.parametrize("share", [0.3, 0.1, 0.03])
+@pytest.mark.parametrize("rate", [3.0, 10.0])
+def test_a_fast_response_with_a_long_tail_is_not_thinned_away(
+    rate: float, share: float, sigma: float
+) -> None:
+    """A step response at the start: its fast part lasts for few of very many samples."""
+    times = 0.1 * np.arange(20_000, dtype=np.float64)
+    fast = share * np.exp(-times / rate)
+    values = 1 - fast - (1 - share) * np.exp(-times / 400)
+    values += sigma * np.random.default_rng(5).standard_normal(len(times))
+    recording, noise = Recording((Sensor("y", "y"),), times, values[:, None]), np.array([sigma])
+    lags = samples_per_change(recording, noise)
+    assert lags["y"] > 1000
+    step = suggested_step(recording, lags, noise)
+    assert step is not None and step < 2 * rate
+    assert lost_change(recording, noise, step) is None
+    lost = lost_change(recording, noise, 10 * rate)
+    assert lost is not None and lost[0] == "y" and lost[1] < 5 * rate
+    shorter = step_that_keeps(recording, noise, 10 * rate)
+    assert shorter is not None and lost_change(recording, noise, shorter) is None
+
+
+def test_times_that_are_dense_at_the_start_are_not_lost_to_a_clock() -> None:
+    """As a logger with two rates writes them: 100 Hz at first, then 1 Hz."""
+    times = np.concatenate([0.01 * np.arange(400.0), 4.0 + np.arange(2000.0)])
+    values = 1 - 0.2 * np.exp(-times / 0.05) - 0.8 * np.exp(-times / 300)
+    recording, noise = Recording((Sensor("y", "y"),), times, values[:, None]), np.array([1e-3])
+    lost = lost_change(recording, noise, 1.0)
+    assert lost is not None and lost[1] < 1
+
+
+def test_a_slow_record_may_be_thinned_to_a_hundred_and_fifty_samples() -> None:
+    times = 0.1 * np.arange(20_000, dtype=np.float64)
+    values = 1 - np.exp(-times / 400) + 1e-3 * np.random.default_rng(6).standard_normal(20_000)
+    recording, noise = Recording((Sensor("y", "y"),), times, values[:, None]), np.array([1e-3])
+    assert suggested_step(recording, samples_per_change(recording, noise), noise) == 10
 
 
 def test_where_nothing_but_noise_is_seen_nothing_is_timed() -> None:
