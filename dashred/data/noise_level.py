@@ -55,7 +55,9 @@ def noise_std(recording: Recording, *others: Recording) -> NDArray[np.float64]:
         alike = found[(reads == reads[index]) & (found > 0.0)]
         if not alike.size:
             problem = f"the noise of sensor {recording.names[index]!r} cannot be estimated"
-            hint = "it is constant or has too few values: give its std in the table of sensors"
+            hint = "it is constant or has too few values: state its noise, recording.std={"
+            hint += f"{recording.names[index]}: STD}}, or leave it out, "
+            hint += f"recording.ignore=[{recording.names[index]}]"
             raise InputError(problem, hint=hint)
         found[index] = np.median(alike)
     return found

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 import torch
 from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
+from dashred.data.sensors import Sensor
 from dashred.data.splits import Split
 from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.placeholders import zero_equations
@@ -17,6 +18,9 @@ from dashred.pipeline.check.simulator_checks.simulator import NominalRun
 
 # Largest accepted ratio between recorded and simulated standard deviations, either way.
 MAX_RATIO = 5.0
+# Readings vary if their std is more than this many σ of their noise; simulated ones, if it is more
+# than σ and this share of the largest one of the same quantity.
+MOVED, NEGLIGIBLE = 1.5, 1e-3
 # Factors between units that are easily confused, and how near a ratio is to one of them.
 UNIT_FACTORS = {
     57.3: "rad and degrees",
@@ -42,24 +46,38 @@ def agreement_remarks(
     operator = ObservationOperator(fit.sensors, context.system)
     read = operator(nominal.states[:count])
     if not zero_equations(context.config):
-        yield from compare_amplitudes(fit.names, values, read, "simulator")
+        yield from compare_amplitudes(fit.sensors, values, read, context.noise, "simulator")
     if observed is not None:
         yield from _start_agreement(context, nominal, observed)
 
 
 def compare_amplitudes(
-    names: tuple[str, ...], values: Tensor, read: Tensor, where: str
+    sensors: Sequence[Sensor], values: Tensor, read: Tensor, noise: Mapping[str, float], where: str
 ) -> Iterator[Remark]:
     """Compare the standard deviations of recorded and simulated readings.
 
     Args:
-        names: names of the sensors.
+        sensors: that were read.
         values: recorded values, ``(time, sensor)``; NaN where missing.
         read: simulated readings, ``(sample, sensor)``.
+        noise: σ by sensor.
         where: "simulator" or "snapshots".
     """
-    both = [_std(column) for column in values.T], [_std(column) for column in read.T]
-    ratios = {n: r / max(s, 1e-300) for n, r, s in zip(names, *both, strict=True) if s > 0}
+    recorded, simulated = map(_std, values.T), [_std(column) for column in read.T]
+    ratios: dict[str, float] = {}
+    waiting: dict[bool, list[str]] = {True: [], False: []}
+    for sensor, own, other in zip(sensors, recorded, simulated, strict=True):
+        alike = (
+            s for s, found in zip(simulated, sensors, strict=True) if found.reads == sensor.reads
+        )
+        moves = own > MOVED * noise[sensor.name]
+        is_simulated = other > max(noise[sensor.name], NEGLIGIBLE * max(alike))
+        if moves and is_simulated:
+            ratios[sensor.name] = own / other
+        elif moves or is_simulated:
+            waiting[moves].append(sensor.name)
+    if not any(s > 0 for s in simulated):
+        return
     off = [name for name, ratio in ratios.items() if not 1 / MAX_RATIO < ratio < MAX_RATIO]
     if off:
         yield warning(
@@ -70,6 +88,15 @@ def compare_amplitudes(
     elif ratios:
         typical = sorted(ratios.values())[len(ratios) // 2]
         yield Remark(f"Sensor readings vary {typical:.2g} times as much as in the {where}")
+    for is_recorded, names in waiting.items():
+        if names:
+            moved, still = ("recording", where) if is_recorded else (where, "recording")
+            yield warning(
+                f"Readings of {shortened(names)} vary in the {moved}, but not above the noise in "
+                f"the {still}",
+                "what moves them may come later there, or not at all: missing physics may be the "
+                "reason; otherwise check system.start, the units and the positions",
+            )
 
 
 def _reason(ratio: float) -> str:

@@ -13,14 +13,21 @@ from dashred.core.errors import InputError
 from dashred.core.units import with_unit
 from dashred.data.clocks.interruptions import interruptions
 from dashred.data.clocks.resampling import MAX_GAP, native_step
-from dashred.data.clocks.time_scale import SAMPLES_PER_PERIOD, samples_per_change, suggested_step
+from dashred.data.clocks.time_scale import (
+    SAMPLES_PER_PERIOD,
+    lost_change,
+    samples_per_change,
+    step_that_keeps,
+    suggested_step,
+)
 from dashred.data.fast_signals import is_fast
-from dashred.data.io.missing_sentinels import sentinel_counts
+from dashred.data.io.missing_sentinels import mask_sentinels, sentinel_counts
 from dashred.data.noise_level import noise_std
 from dashred.data.recording import Recording
 from dashred.pipeline.check.context import CheckContext
 from dashred.pipeline.check.remark import Remark, plural, shortened, warning
 from dashred.pipeline.check.saturation import saturated
+from dashred.pipeline.check.unmoved import resting, unmoved, unmoved_remarks
 
 # Relative deviation from the mean step above which a clock is irregular.
 IRREGULAR = 0.05
@@ -166,22 +173,32 @@ def _sentinels(recording: Recording) -> Iterator[Remark]:
                 "other values: this may mark missing values",
                 "leave the cells of missing values empty; otherwise the number is fitted",
             )
+    for name, values in recording.inputs.values.items():
+        for number, count in sentinel_counts(values).items():
+            yield warning(
+                f"The input {name} is {number:g} {count} times, far from its other values: this "
+                "may mark missing values",
+                "leave the cells of missing values empty; otherwise the number drives the system",
+            )
 
 
 def _repeated(recording: Recording) -> Iterator[Remark]:
-    stuck = []
+    stuck, rests = [], resting(recording)
+    yield from unmoved_remarks(recording, unmoved(recording, _estimated_noise(recording)), rests)
     for name, values in zip(recording.names, recording.values.T, strict=True):
         known = values[~np.isnan(values)]
-        if len(known) > 1 and (np.diff(known) == 0).mean() > MANY_REPEATED:
+        if name not in rests and len(known) > 1 and (np.diff(known) == 0).mean() > MANY_REPEATED:
             stuck.append(name)
     if stuck:
         yield warning(
             f"Sensors with mostly repeated values: {shortened(stuck)}",
-            "they may be stuck, coarsely rounded, or written more often than measured "
+            "they may be stuck, at rest, coarsely rounded, or written more often than measured "
             "(recording.every=STEP sets a longer step)",
         )
     first_with: dict[bytes, str] = {}
-    for name, values in zip(recording.names, recording.values.T, strict=True):
+    moves = recording.trace_std() > 0
+    names = [name for name, does in zip(recording.names, moves, strict=True) if does]
+    for name, values in zip(names, recording.values.T[moves], strict=True):
         first = first_with.setdefault(np.nan_to_num(values).tobytes(), name)
         if first != name:
             yield warning(f"{first} and {name} have identical values", "one may be a copy")
@@ -208,9 +225,11 @@ def _estimated_noise(recording: Recording, every: int = 1) -> NDArray[np.float64
 
 
 def _noise_remarks(recording: Recording, estimated: NDArray[np.float64]) -> Iterator[Remark]:
+    quiet = unmoved(recording, estimated)
     varies = recording.trace_std()
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = estimated / varies
+    shares[[name in quiet for name in recording.names]] = np.nan
     known = shares[np.isfinite(shares)]
     names = recording.names
     traces = zip(names, recording.values.T, strict=True)
@@ -259,13 +278,42 @@ def _sampling_remarks(
     count = len(context.times) + sum(len(other.times) for other in context.others.values())
     if len(context.times) > MANY_SAMPLES:
         slow = f"{len(context.times)} samples make a run slow"
-        hint = "set a longer step, recording.every=STEP, or take a part, recording.end=TIME"
+        hint = "set a longer step that still shows the fastest change, recording.every=STEP, or "
+        hint += "take a part, recording.end=TIME"
         yield warning(slow, hint)
     elif count < FEW_SAMPLES:
         yield warning(
             f"{count} samples are few for finding a law", "record longer or at a shorter step"
         )
+    if context.system.axes or context.config.recording.every is not None:
+        # A number that marks missing values is no change.
+        known = replace(recording, values=mask_sentinels(recording.values))
+        yield from _lost_changes(known, noise, native_step(context.times.numpy()))
     yield _correlation_remark(recording, lags, estimated)
+
+
+def _lost_changes(
+    recording: Recording, noise: NDArray[np.float64], step: float
+) -> Iterator[Remark]:
+    """Warn of a change that the analysis clock leaves out.
+
+    Args:
+        recording: the samples.
+        noise: σ of each sensor, ``(sensor,)``.
+        step: of the analysis clock.
+    """
+    if (
+        step < 1.5 * native_step(recording.times)
+        or (lost := lost_change(recording, noise, step)) is None
+    ):
+        return
+    shorter = step_that_keeps(recording, noise, step)
+    every = "null" if shorter is None else f"{shorter:g}"
+    yield warning(
+        f"{lost[0]} changes faster near t = {lost[1]:.6g} than the analysis clock can show",
+        f"recording.every={every} keeps the change, unless it is a fault of the sensor: the "
+        "fastest response may show only there",
+    )
 
 
 def _correlation_remark(

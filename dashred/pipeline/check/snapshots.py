@@ -43,5 +43,6 @@ def snapshots_remarks(problem: Problem) -> Iterator[Remark]:
     fit = problem.split.fit
     states = StoredStates(reader, range(reader.shape[0]))
     read = each_state(problem.operator(fit), states).flatten(0, 1)
-    yield from compare_amplitudes(fit.names, torch.from_numpy(fit.values), read, "snapshots")
+    values = torch.from_numpy(fit.values)
+    yield from compare_amplitudes(fit.sensors, values, read, problem.noise, "snapshots")
     yield Remark("Snapshots allow fewer conclusions than equations: see docs/black-box.md")

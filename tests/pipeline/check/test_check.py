@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -134,6 +135,34 @@ def test_oversampling_gives_a_warning(tmp_path: Path, capsys: pytest.CaptureFixt
     (tmp_path / "swing.yaml").write_text(SWING)
     found = said(capsys, f"conf={tmp_path / 'swing.yaml'}", "system.equations.v=-39.5*x")
     assert "recording.every=0.05 loses little" in found
+
+
+def test_marks_of_missing_values_in_an_input_give_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    swing(tmp_path)
+    rows = [
+        f"{row},{-999 if i in (30, 31, 77) else math.sin(i):.3f}"
+        for i, row in enumerate(rows_of(tmp_path))
+    ]
+    path = swing(tmp_path, rows, "time,x,v,force")
+    path.write_text(SWING.replace("  start:", "  inputs: {f: force}\n  start:"))
+    found = said(capsys, f"conf={path}", "system.equations.v=-x+0.01*f")
+    assert "The input f is -999 3 times, far from its other values" in found
+
+
+def test_a_clock_that_leaves_out_the_fastest_response_gives_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [
+        f"{t:.2f},{math.cos(t) + 0.5 * math.exp(-t / 0.1):.5f},{-math.sin(t):.5f}"
+        for t in (0.02 * i for i in range(2000))
+    ]
+    path = swing(tmp_path, rows)
+    found = said(capsys, f"conf={path}", "recording.every=0.4")
+    assert "x changes faster near t = 0.11 than the analysis clock can show" in found
+    assert "recording.every=0.04 keeps the change" in found
+    assert "changes faster" not in said(capsys, f"conf={path}", "recording.every=0.04")
 
 
 @pytest.mark.parametrize("std", ["", "0.01"])
