@@ -118,8 +118,12 @@ def check_gaps(
     first = int(np.argmax(long))
     begin, end = times[known[first]], times[known[first + 1]]
     problem = f"the input has no value between {begin:.6g} and {end:.6g}"
-    hint = "fill the gap, or remove these rows; if its values hold until they change, set hold: "
-    raise InputError(problem, where=where, hint=f"{hint}true for this input")
+    hint = (
+        "fill the gap; or take a part without it, with recording.begin and recording.end (begin= "
+    )
+    hint += "and end= for dashred init); or name the parts before and after it in a column "
+    hint += "'episode'; if its values hold until they change, set hold: true for this input"
+    raise InputError(problem, where=where, hint=hint)
 
 
 def check_covered(times: NDArray[np.float64], input_times: NDArray[np.float64], where: str) -> None:

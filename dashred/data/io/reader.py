@@ -1,4 +1,4 @@
-"""Reading of a recording in any supported format, chosen by the file extension."""
+"""Reading of a recording: NetCDF, or a table of text."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dashred.core.errors import InputError
 from dashred.data.episodes import Episodes
 from dashred.data.io.read_csv import read_csv
 from dashred.data.io.read_netcdf import read_netcdf
-from dashred.data.io.tables.table_dialect import TABLES
+from dashred.data.io.tables.table_dialect import NETCDF
 from dashred.data.io.tables.table_layout import TableLayout
 from dashred.data.recording import Recording
 from dashred.data.sensors import SystemDescription
@@ -31,7 +31,7 @@ def read_episodes(
     system: SystemDescription,
     layout: TableLayout = NO_LAYOUT,
 ) -> Episodes:
-    """Read a recording of a system from a table (with its table of sensors) or ``.nc``.
+    """Read a recording of a system from ``.nc``, or from a table of text with any other ending.
 
     Args:
         path: of the recording.
@@ -40,17 +40,10 @@ def read_episodes(
         layout: what is known of a table before it is read; of a NetCDF, the part that is used.
 
     Raises:
-        InputError: for any other extension, or an invalid file.
+        InputError: the file is invalid.
     """
-    ending = Path(path).suffix.lower()
-    if ending in TABLES:
+    if Path(path).suffix.lower() != NETCDF:
         return read_csv(path, sensors_table, system, layout)
-    if ending != ".nc":
-        kinds = ", ".join(TABLES)
-        problem = (
-            f"recordings are {kinds} or .nc files, not {ending or 'files without an extension'}"
-        )
-        raise InputError(problem, where=path)
     if sensors_table is not None:
         problem = f"a NetCDF recording describes its sensors itself, but {sensors_table} is given"
         raise InputError(problem, where=path, hint="remove recording.sensors")

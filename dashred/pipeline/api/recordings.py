@@ -11,7 +11,7 @@ from dashred.core.errors import InputError
 from dashred.data.episodes import Episodes
 from dashred.data.io.in_memory import RECORDING, SENSORS, read_in_memory, table_of_sensors
 from dashred.data.io.read_csv import episodes_of_file
-from dashred.data.io.tables.table_dialect import TABLES
+from dashred.data.io.tables.table_dialect import NETCDF
 from dashred.physics.system import System
 from dashred.pipeline.input.read_recorded import layout_of_table, read_recorded
 
@@ -54,7 +54,7 @@ def read_recording(recording: Any, sensors: Any, config: Config, system: System)
         return None
     if table is configured:
         return read_recorded(config, system)
-    if Path(path).suffix.lower() not in TABLES:
+    if Path(path).suffix.lower() == NETCDF:
         what = "a NetCDF recording describes its sensors itself, but sensors= is given"
         raise InputError(what, where=path, hint="omit sensors=")
     return episodes_of_file(path, table_of_sensors(table), system, layout_of_table(config))

@@ -11,7 +11,7 @@ from dashred.core.command_line.argument_types import NUMBER, list_reader, read_p
 from dashred.core.command_line.arguments import Command, argument
 from dashred.core.errors import DONE, InputError
 from dashred.core.stated.record_part import parse_part
-from dashred.data.io.tables.table_dialect import TABLES
+from dashred.data.io.tables.table_dialect import NETCDF
 
 
 def _read_time(text: str) -> float | str:
@@ -40,6 +40,12 @@ class Arguments:
         list_reader(str),
         "NAME,...",
         "columns that drive the system, such as a voltage or the weather: inputs, not fields",
+        default=None,
+    )
+    fields: tuple[str, ...] | None = argument(
+        list_reader(str),
+        "NAME,...",
+        "columns that are the fields of an ODE, if not all are: the others are left out",
         default=None,
     )
     ignore: tuple[str, ...] | None = argument(
@@ -94,10 +100,11 @@ def main(argv: list[str]) -> int:
     from dashred.pipeline.init.columns import MANY_FIELDS, read_recording
     from dashred.pipeline.init.document import document
     from dashred.pipeline.init.guess import guess_values, longest_episode
+    from dashred.pipeline.init.guessed_system import ChosenColumns
     from dashred.pipeline.init.relations import accelerations
 
-    ignored = words.ignore or ()
-    guessed, episodes, layout = read_recording(path, table, words.inputs or (), part, ignored)
+    chosen = ChosenColumns(words.inputs or (), words.fields or (), words.ignore or ())
+    guessed, episodes, layout = read_recording(path, table, chosen, part)
     values = guess_values(guessed, episodes)
     lets = accelerations(values.rates)
     fields = tuple(field for field in guessed.fields if field not in lets)
@@ -118,6 +125,11 @@ def main(argv: list[str]) -> int:
         what = f"cannot be written: {error.strerror}"
         hint = "choose another file: output=FILE.yaml"
         raise InputError(what, where=str(output), hint=hint) from None
+    if count := len(guessed.others):
+        one = (
+            "1 line that is no row" if count == 1 else f"{count} lines that are no rows, the first"
+        )
+        print(f"left out: {one}, line {guessed.others[0]}")
     if guessed.left_out:
         print(f"left out: {', '.join(guessed.left_out)} (constant, or a count of the rows)")
     if guessed.of_episodes:
@@ -133,6 +145,7 @@ def main(argv: list[str]) -> int:
     if guessed.texts:
         print(f"left out: {', '.join(guessed.texts)} (text). If one names the sensor of each row:")
         print("recording.columns={sensor: NAME, value: COLUMN}, see docs/own-system.md")
+        print("An input must have numbers, such as 1 for on and 0 for off")
     if guessed.row_numbers is not None:
         name = guessed.row_numbers
         print(
@@ -144,8 +157,8 @@ def main(argv: list[str]) -> int:
     left = text.count(f"# {TO_DO}:")
     print(f"{output}: fields {', '.join(guessed.fields)}; {left} to do")
     if not guessed.axes and len(guessed.fields) > MANY_FIELDS:
-        print("These are many columns for the fields of an ODE. If they are sensors of a field in")
-        print("space, give their positions: sensors=TABLE.csv (see --help)")
+        print("These are many columns for the fields of an ODE: choose some, fields=NAME,...")
+        print("If they are sensors of a field in space, give their positions: sensors=TABLE.csv")
     print(f"next: fill in the lines marked {TO_DO}, then dashred check conf={output}")
     return DONE
 
@@ -156,9 +169,9 @@ def _check_table(path: Path) -> None:
     Raises:
         InputError: it is not.
     """
-    if path.suffix.lower() not in TABLES:
+    if path.suffix.lower() == NETCDF:
         hint = "for a NetCDF recording, write the configuration by hand: see conf/rde.yaml"
-        raise InputError(f"this is not a {' or '.join(TABLES)} file", where=str(path), hint=hint)
+        raise InputError("this is not a table of text", where=str(path), hint=hint)
 
 
 def _check_output(output: Path) -> None:

@@ -13,8 +13,8 @@ from dashred.data.clocks.resampling import coarser_step, native_step
 from dashred.data.io.tables.table_layout import TableLayout
 from dashred.data.recording import Recording
 from dashred.physics.expressions.functions import FUNCTIONS
-from dashred.pipeline.init.columns import GuessedSystem
 from dashred.pipeline.init.guess import GuessedValues
+from dashred.pipeline.init.guessed_system import GuessedSystem
 
 PLAIN = re.compile(r"[A-Za-z0-9_./~][A-Za-z0-9_./~ ()+-]*\Z")
 TEMPLATE = "pipeline/init/templates/configuration.yaml.j2"

@@ -5,11 +5,12 @@ from __future__ import annotations
 import keyword
 import re
 import unicodedata
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
 from dashred.config.schema.types import NAME
+from dashred.core.errors import InputError
 from dashred.core.stated.column_names import SENSOR, VALUE
 from dashred.data.io.tables.columns import Columns
 from dashred.data.io.tables.csv_table import Table, is_number
@@ -137,3 +138,20 @@ def _usable(column: str, taken: Collection[str]) -> str:
     name = name if name[0].isalpha() else f"u_{name}"
     candidates = [name, *(f"{name}_{i}" for i in range(len(taken) + 1))]
     return next(name for name in candidates if is_usable(name) and name not in taken)
+
+
+def check_names(names: Sequence[str], kind: str, where: str) -> None:
+    """Check that names can stand in an equation.
+
+    Raises:
+        InputError: one cannot.
+    """
+    for name in names:
+        if is_usable(name):
+            continue
+        what = f"the {kind} {name!r} cannot be a name in an equation"
+        hint = "use letters, digits and _, with a letter first; a unit goes in [ ]: 'theta [rad]'"
+        if NAME.match(name):
+            what = f"the {kind} {name!r} has another meaning in an equation"
+            hint = f"rename it in the header, for example to {name}_0"
+        raise InputError(what, where=where, hint=hint)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.pipeline.init.columns import GuessedAxis
+from dashred.pipeline.init.guessed_system import GuessedAxis
 
 # Waves along each axis. With a single wave some derivatives would be proportional.
 WAVES = 2

@@ -33,6 +33,9 @@ from dashred.pipeline.input.time_step import states_time_step, with_time_step
 from dashred.pipeline.problem import Problem, with_clause
 from dashred.pipeline.time_shares import begin_budget
 
+# Columns that are listed by name.
+MOST_LISTED = 16
+
 
 def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     """Read and check all input.
@@ -74,7 +77,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     if not chosen_part.is_whole:
         clock = with_clause(clock, f"the part {chosen_part} of the recording")
     if read.left_out:
-        clock = with_clause(clock, f"without the columns {', '.join(read.left_out)}")
+        clock = with_clause(clock, f"without the columns {_listed(read.left_out)}")
     splits = []
     for part in sampled.episodes:
         with name_episode_in_errors(part.name):
@@ -121,6 +124,12 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     longest = max(problems[:fitted], key=lambda problem: len(problem.split.fit.times))
     others = tuple(problem for problem in problems[:fitted] if problem is not longest)
     return replace(longest, others=others, whole=tuple(problems[fitted:]))
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Return the first names, and the number of the others."""
+    more = len(names) - MOST_LISTED
+    return ", ".join(names[:MOST_LISTED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _snapshots(system: System, read: Episodes) -> Snapshots | None:

@@ -262,7 +262,7 @@ def test_runs_below_each_other_are_episodes(tmp_path: Path) -> None:
     ("words", "says"),
     [
         ([], "path= is missing"),
-        (["path=a.nc"], "not a .csv"),
+        (["path=a.nc"], "not a table of text"),
         (["pth=a.csv"], "path"),
         (["path=a.csv", "output=a.txt"], ".yaml"),
         (["path=gone.csv"], "no such file"),

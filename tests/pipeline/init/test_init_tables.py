@@ -11,7 +11,9 @@ from dashred.config import load_config
 from dashred.core.errors import InputError
 from dashred.data.io.tables.recording_table import read_recording_table
 from dashred.data.io.tables.table_layout import TableLayout
+from dashred.physics.system import System
 from dashred.pipeline.init import command
+from dashred.pipeline.input.read_recorded import read_recorded
 
 TIMES = 0.5 * np.arange(16)
 
@@ -104,6 +106,64 @@ def test_a_date_and_a_time_of_day_are_found_by_their_cells(tmp_path: Path) -> No
     rows = [f"{np.sin(i):.3f};{1 + i // 8}.3.2026;{2 * (i % 8):02d}:30:00" for i in range(16)]
     found = written(tmp_path, "\n".join(["Pegel;Datum;Uhrzeit", *rows, ""]))
     assert found == {"columns": {"date": "Datum", "time": "Uhrzeit"}, "fields": ["Pegel"]}
+
+
+def test_a_plate_reader_s_export_is_read_as_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Lines of settings, 96 wells, a clock that counts days, and the reader's own fits below."""
+    wells = [f"{row}{column}" for row in "ABCDEFGH" for column in range(1, 13)]
+    ends = "," * len(wells)
+    clock = [f"{'1.' if i > 95 else ''}{i // 4 % 24}:{15 * (i % 4):02d}:00" for i in range(97)]
+    rows = [
+        ",".join([now, "37", *(f"{0.1 + 0.01 * i * (1 + w % 3):.4f}" for w in range(96))])
+        for i, now in enumerate(clock)
+    ]
+    settings = [f"##BLOCKS= 1,{ends}", f"Plate:,Plate1{ends}"]
+    header = ",".join(["Time", "Temperature(°C)", *wells])
+    fits = [f",{ends}", ",".join(["", "", *wells]), f"~End,{ends}", f"Original Filename: a,{ends}"]
+    path = tmp_path / "plate.csv"
+    path.write_text("\n".join([*settings, header, *rows, *fits, ""]))
+    with pytest.raises(InputError, match="96 columns besides time are too many") as told:
+        command.main([f"path={path}", f"output={tmp_path / 'mine.yaml'}"])
+    assert "choose some of them: fields=A1,A2" in str(told.value.hint)
+    assert command.main([f"path={path}", f"output={tmp_path / 'mine.yaml'}", "fields=B2,H12"]) == 0
+    assert "left out: 3 lines that are no rows, the first, line 102" in capsys.readouterr().out
+    config = load_config([f"conf={tmp_path / 'mine.yaml'}"], entry="train")
+    assert [*config.system.fields] == ["B2", "H12"] and config.recording.columns is None
+    read = read_recorded(config, System(config.system, config.where)).single(str(path))
+    assert read.names == ("B2", "H12") and read.times[-1] == 24 and read.units["t"] == "h"
+
+
+def test_fields_are_chosen_by_their_name_in_the_file(tmp_path: Path) -> None:
+    rows = [f"{t},{np.sin(t):.3f},{t % 2},{np.cos(t):.3f},ok" for t in TIMES]
+    text = "\n".join(["Zeit (s),T 1 (K),P (W),T 2 (K),state", *rows, ""])
+    found = written(tmp_path, text, "fields=T 1", "inputs=P (W)")
+    assert found == {"columns": {"time": "Zeit", "T_1": "T 1"}, "fields": ["T_1"]}
+    for words, says in (
+        (["fields=P (W)", "inputs=P (W)"], "'P' is no field"),
+        (["fields=T 3"], "no column 'T 3'"),
+        (["fields=T 1", "ignore=T 1"], "'T_1' is needed"),
+    ):
+        (tmp_path / "mine.yaml").unlink(missing_ok=True)
+        with pytest.raises(InputError, match=says):
+            written(tmp_path, text, *words)
+
+
+def test_a_serial_log_is_read_with_its_messages(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [f"{500 * i};{20 + np.sin(i):.2f};{'ON' if i > 20 else 'OFF'};" for i in range(40)]
+    head = ["Booting...", "SD card OK; starting log", "", "millis;T_in;heater;"]
+    text = "\r\n".join([*head, *rows[:25], "read error", *rows[25:], "[Peaks]", "no;at", "1;2", ""])
+    assert written(tmp_path, text) == {"columns": None, "fields": ["T_in"]}
+    said = capsys.readouterr().out
+    assert "left out: 4 lines that are no rows, the first, line 30" in said
+    assert "left out: heater (text)" in said and "such as 1 for on and 0 for off" in said
+    (tmp_path / "mine.yaml").unlink()
+    with pytest.raises(InputError, match="'OFF' is not a number") as told:
+        written(tmp_path, text, "inputs=heater")
+    assert "such as 1 for ON and 0 for OFF" in str(told.value.hint)
 
 
 def test_a_column_that_begins_after_the_part_is_left_out(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dashred.pipeline.init.columns import GuessedAxis
+from dashred.pipeline.init.guessed_system import GuessedAxis
 from dashred.pipeline.init.start import start_expression
 
 

@@ -25,11 +25,13 @@ from dashred.data.io.tables.table_dialect import (
     remove_thousands_separators,
     write_decimals_with_a_point,
 )
-from dashred.data.io.tables.table_encoding import other_encoding
+from dashred.data.io.tables.table_encoding import other_encoding, refuse_binary
 from dashred.data.io.tables.table_header import read_header
 
 # A table takes about thirteen times its size in memory, because every cell is a separate string.
 MAX_BYTES = 2**28
+# States of a switch, as a logger may write them.
+STATES = ("on", "off", "true", "false", "yes", "no", "open", "closed")
 SECONDS_AS_NUMBERS = "write times as numbers, for example seconds since the start: 0.25"
 
 
@@ -44,6 +46,8 @@ class Table:
         lines: line of the file on which each row ends, counted from 1.
         units: unit of every column whose header states one, as in ``theta [rad]``.
         header: line of the header.
+        others: lines of the file between and below the rows that are left out, because they are
+            none.
     """
 
     path: str
@@ -52,6 +56,7 @@ class Table:
     lines: Sequence[int]
     units: dict[str, str] = field(default_factory=dict)
     header: int = 1
+    others: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         """Count of rows, the header left out."""
@@ -92,6 +97,8 @@ class Table:
         wrong = [row for row, cell in enumerate(cells) if not is_number(cell)]
         row = next((row for row in wrong if cells[row].lower() not in MISSING), wrong[0])
         hint = "write numbers as 1.5e-3; leave the cell empty where a value is missing"
+        if cells[row].lower() in STATES:
+            hint = "write a state as a number, such as 1 for ON and 0 for OFF"
         if DATE.match(cells[row]):
             hint = SECONDS_AS_NUMBERS
         problem = f"{_abbreviated(cells[row])} is not a number"
@@ -193,6 +200,7 @@ def _opened(path: str, encoding: str) -> Iterator[TextIO]:
             # Reading a pipe or a device might never end.
             raise InputError("cannot be read: not a regular file", where=path)
         _check_size(path, Path(path).stat().st_size)
+        refuse_binary(path)
         with open(path, encoding=encoding, newline="") as file:
             yield file
     except FileNotFoundError:
@@ -221,17 +229,20 @@ def check_rectangular(
     Raises:
         InputError: a row has not.
     """
-    for row, line in zip(rows, lines, strict=True):
+    for index, (row, line) in enumerate(zip(rows, lines, strict=True)):
         if len(row) != len(columns):
             named = "1 column" if len(columns) == 1 else f"{len(columns)} columns"
             problem = f"the row has {len(row)} cells, but the first line names {named}"
-            raise InputError(problem, where=f"{path}:{line}", hint=_row_length_hint(columns, row))
+            hint = _row_length_hint(columns, row, index)
+            raise InputError(problem, where=f"{path}:{line}", hint=hint)
 
 
-def _row_length_hint(columns: Sequence[str], row: Sequence[str]) -> str | None:
-    """Return a likely reason for a row with the wrong number of cells, or None."""
+def _row_length_hint(columns: Sequence[str], row: Sequence[str], above: int) -> str:
+    """Return a likely reason for a row with the wrong number of cells, below ``above`` others."""
     if len(row) > len(columns) and all(cell.strip() and is_number(cell.strip()) for cell in row):
         return "do the decimals use a comma? Write them with a point, or separate columns with ;"
+    if above:
+        return "the rows above are as long as the first line: correct this line, or remove it"
     return "the first line must name every column; lines before it must begin with #"
 
 

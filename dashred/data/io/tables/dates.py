@@ -18,7 +18,11 @@ DAY = 86400.0
 # A step longer than this many others is a gap.
 LONG_STEP = 10.0
 ISO_FORMAT, CLOCK_FORMAT = "ISO8601", "clock"
-CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?")
+# A time of day, or a time since the start: 100:30:00, 1.04:30:00, 1 day, 4:30:00.
+CLOCK = re.compile(
+    r"(?:(?P<days>\d+)(?:\.| days?,? ))?"
+    r"(?P<hours>\d{1,3}):(?P<minutes>\d{2})(?::(?P<seconds>\d{2}(?:[.,]\d+)?))?"
+)
 ISO = re.compile(r"\d{4}([-/.])\d{1,2}\1\d{1,2}")
 MONTH = "(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*"
 LOCAL = re.compile(
@@ -93,7 +97,8 @@ def seconds_until(text: str, first: str, form: str) -> float:
     if form == CLOCK_FORMAT:
         if not CLOCK.fullmatch(text):
             return np.nan
-        return float((_since_first([first, text], form)[1]) % DAY)
+        elapsed = float(_since_first([first, text], form)[1])
+        return elapsed if elapsed >= 0 else elapsed % DAY
     begin, zone = _moments([first], form)[0], OFFSET.search(first)
     if zone and not OFFSET.search(text):
         text = f"{text}{'' if ':' in text else ' 00:00'}{zone[1]}"
@@ -163,17 +168,17 @@ def _local_formats(first: str) -> list[str]:
 
 
 def _since_midnight(cells: Sequence[str]) -> NDArray[np.float64]:
-    """Return times of day in seconds since the first one; NaN where a cell is not one.
+    """Return times of day, or since a start, in seconds since the first one; NaN for other cells.
 
     A step back by more than half a day is midnight.
     """
     seconds = np.full(len(cells), np.nan)
     days, previous = 0, -np.inf
     for row, cell in enumerate(cells):
-        if not CLOCK.fullmatch(cell):
+        if (match := CLOCK.fullmatch(cell)) is None:
             continue
-        hours, minutes, *rest = cell.replace(",", ".").split(":")
-        found = 3600 * int(hours) + 60 * int(minutes) + (float(rest[0]) if rest else 0.0)
+        found = DAY * int(match["days"] or 0) + 3600 * int(match["hours"])
+        found += 60 * int(match["minutes"]) + float((match["seconds"] or "0").replace(",", "."))
         days += previous - found > DAY / 2
         seconds[row], previous = found + DAY * days, found
     return seconds - seconds[np.isfinite(seconds)][0]

@@ -9,6 +9,7 @@ from dashred.core.errors import InputError
 from dashred.core.unit_conversion import is_known_unit
 from dashred.data.io.tables.csv_table import Table, check_rectangular, read_cells, table_of
 from dashred.data.io.tables.grouped_columns import ColumnGroups
+from dashred.data.io.tables.other_lines import drop_other_lines
 from dashred.data.io.tables.table_dialect import TableText, find_recording
 from dashred.data.io.tables.table_header import example_names, read_header
 from dashred.data.io.tables.table_layout import TableLayout
@@ -21,7 +22,8 @@ def read_recording_table(path: str, layout: TableLayout) -> Table:
     """Read the table of a recording as a logger writes it.
 
     Beyond what :func:`read_table` reads, other lines may precede the header, a line with units may
-    follow it, a separator may end each line, and the configuration may name the columns.
+    follow it, a separator may end each line, messages and remarks may stand between and below the
+    rows, and the configuration may name the columns.
 
     Raises:
         InputError: as :func:`dashred.data.io.tables.csv_table.read_table`, or there are no names.
@@ -44,6 +46,7 @@ def read_recording_table(path: str, layout: TableLayout) -> Table:
     if text.has_header:
         # In place: copying the list of a long table would double its memory.
         del rows[: 1 + below], lines[: 1 + below]
+    others = drop_other_lines(rows, lines)
     _drop_empty_rows(rows, lines)
     if names is None:
         _fill_ends(headers, rows)
@@ -52,7 +55,7 @@ def read_recording_table(path: str, layout: TableLayout) -> Table:
     for column, unit in zip(columns, units_row, strict=False):
         if is_known_unit(unit):
             units.setdefault(column, unit)
-    return table_of(path, columns, units, text, rows, lines, header)
+    return replace(table_of(path, columns, units, text, rows, lines, header), others=others)
 
 
 def count_unnamed(path: str) -> int:

@@ -13,8 +13,8 @@ from dashred.core.errors import InputError
 from dashred.core.unit_conversion import is_known_unit
 from dashred.data.io.tables.grouped_columns import ColumnGroups, find_groups
 
-# Endings of files that are read as tables.
-TABLES = (".csv", ".tsv", ".txt", ".dat", ".lvm")
+# Ending of the files that are no tables of text; any other file is read as one.
+NETCDF = ".nc"
 COMMENT = "#"
 COMMA, SPACE = ",", " "
 # Separators in the order in which they are looked for in the header.
@@ -24,9 +24,10 @@ NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?")
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 THOUSANDS = re.compile(r"[+-]?\d{1,3}(\.\d{3})+(,\d+)?")
 ENGLISH_THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+(\.\d*)?")
-# 2024-05-17, 17.05.24, 5/17/2024, 17-May-24, 12:30.
+# 2024-05-17, 17.05.24, 5/17/2024, 17-May-24, 12:30, 1.12:30, 1 day, 12:30.
 DATE = re.compile(
-    r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}|\d{1,2}:\d{2}|\d{1,2}[ -][A-Za-z]{3,9}[ -]\d{2,4}"
+    r"\d{1,4}([-/.])\d{1,2}\1\d{1,4}|(\d+(\.| days?,? ))?\d{1,3}:\d{2}|"
+    r"\d{1,2}[ -][A-Za-z]{3,9}[ -]\d{2,4}"
 )
 # Rows that are searched for decimal commas, and lines that are searched for the header.
 HEAD, HEAD_LINES = 100, 60
@@ -70,7 +71,11 @@ def find_header(file: Iterator[str]) -> TableText:
         return TableText(iter(()), COMMA, skipped)
     separator = _separator(line)
     cells = _cells(line, separator)
-    if comment and len(_cells(comment, separator)) == len(cells) and all(map(_is_number, cells)):
+    if (
+        comment
+        and len(_cells(comment, separator)) == len(cells)
+        and all(map(is_number_cell, cells))
+    ):
         return TableText(_rows([f"{comment}\n", line], file, separator), separator, skipped - 1)
     return TableText(_rows([line], file, separator), separator, skipped)
 
@@ -97,7 +102,7 @@ def find_recording(file: TextIO) -> TableText:
     if first == begin:
         found = find_header(lines)
         others = _cells(head[first], found.separator)[1:]
-        is_named = found.skipped < begin or not any(map(_is_value, others))
+        is_named = found.skipped < begin or not any(map(is_value_cell, others))
         return replace(found, has_header=is_named)
     separator = _separator(head[first])
     rows = [_cells(line, separator) for line in head[: first + 1]]
@@ -119,7 +124,7 @@ def find_recording(file: TextIO) -> TableText:
     header = next(iter(named), first)
     # A line with numbers below the header is a row, whatever its first cell, unless names follow:
     # then it is a setting of the logger, and settings without numbers may follow it.
-    with_numbers = (i for i in range(end - 1, header, -1) if any(map(_is_number, rows[i])))
+    with_numbers = (i for i in range(end - 1, header, -1) if any(map(is_number_cell, rows[i])))
     if (last := next(with_numbers, None)) is not None:
         later = [i for i in named if i > last]
         apart = [i for i in later if not all(map(_is_unit, rows[i]))]
@@ -138,7 +143,7 @@ def _columns_beside_text(lines: Sequence[str]) -> list[int]:
     filled = [line for line in lines if line.strip()]
     rows = [_cells(line, _separator(filled[0])) for line in filled] if filled else []
     width = min(map(len, rows), default=0)
-    found = [i for i in range(width) if all(_is_number(row[i]) for row in rows)]
+    found = [i for i in range(width) if all(is_number_cell(row[i]) for row in rows)]
     return found if len(rows) > FEW_LINES and len(found) > 1 else []
 
 
@@ -156,13 +161,13 @@ def _is_content(line: str) -> bool:
 
 def _begins_with_a_value(line: str) -> bool:
     cells = _cells(line, _separator(line))
-    return _is_value(cells[0])
+    return is_value_cell(cells[0])
 
 
-def _is_value(cell: str) -> bool:
+def is_value_cell(cell: str) -> bool:
     """Return whether a cell is a number, a date or a time of day."""
     bare = cell.strip().strip('"')
-    return _is_number(bare) or DATE.match(bare) is not None
+    return is_number_cell(bare) or DATE.match(bare) is not None
 
 
 def _is_unit(cell: str) -> bool:
@@ -241,5 +246,6 @@ def _cells(line: str, separator: str) -> list[str]:
         return line.split(separator)
 
 
-def _is_number(cell: str) -> bool:
+def is_number_cell(cell: str) -> bool:
+    """Return whether a cell is a number, with a point or a comma for its decimals."""
     return NUMBER.fullmatch(cell.strip()) is not None

@@ -8,6 +8,21 @@ from pathlib import Path
 from dashred.core.errors import InputError
 
 MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+# Bytes at the beginning of a file that show whether it is binary.
+BEGINNING = 4096
+
+
+def refuse_binary(path: str) -> None:
+    """Check that the beginning of a file has no zero byte, unless it is UTF-16.
+
+    Raises:
+        InputError: it has one.
+    """
+    with open(path, "rb") as file:
+        beginning = file.read(BEGINNING)
+    if b"\0" in beginning and not beginning.startswith(MARKS):
+        hint = "save it as a table of text in UTF-8, such as CSV, or convert it to NetCDF (.nc)"
+        raise InputError("this is a binary file, and no table of text", where=path, hint=hint)
 
 
 def other_encoding(path: str) -> str:

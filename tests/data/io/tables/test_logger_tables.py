@@ -210,3 +210,51 @@ def test_the_column_of_the_episodes_is_suggested(write: Write, ode) -> None:
 def test_columns_that_cannot_be_are_refused(columns: object, says: str) -> None:
     with pytest.raises(InputError, match=says):
         parse_columns(columns, "c.yaml:3")
+
+
+FOOTERS = {
+    "a sentence": "logger stopped\n",
+    "blank lines": "\n\n,,\n",
+    "another table": ",,\n,u,v\n,0.25,1.5\n~End,,\nOriginal file: a; saved: 2024,,\n",
+    "a summary": "\nmean,1.4,2.5\n",
+    "a table of peaks": "\n[Peaks]\nno,at,area,height\n1,0.05,4.25,1\n",
+}
+FIRST = {case: (4,) for case in FOOTERS} | {
+    "blank lines": (),
+    "another table": (5,),
+    "a summary": (5,),
+    "a table of peaks": (5,),
+}
+
+
+@pytest.mark.parametrize("case", FOOTERS)
+def test_what_stands_below_the_rows_is_left_out(write: Write, case: str) -> None:
+    table = read(write, "time,u,v\n" + ROWS + FOOTERS[case])
+    np.testing.assert_array_equal(table.numbers("time"), [0.0, 0.1])
+    assert table.others[:1] == FIRST[case]
+
+
+def test_messages_between_rows_are_left_out(write: Write) -> None:
+    text = "time;u;v;\n0;1;2;\nsensor error\n\n1;2;3;\ntime;u;v;\n2;3;4;\n"
+    table = read(write, text)
+    np.testing.assert_array_equal(table.numbers("u"), [1, 2, 3])
+    assert table.others == (3, 6)
+    assert table.location(1) == f"{table.path}:5"
+
+
+def test_a_damaged_row_is_no_message(write: Write) -> None:
+    for last in ("0.2x,1,2\n", ",1,2\n"):
+        table = read(write, "time,u,v\n" + ROWS + last)
+        assert len(table) == 3 and not table.others
+    with pytest.raises(InputError, match=r"r.csv:3: the row has 1 cells") as told:
+        read(write, "time,u,v\n0.0,1.5,2\n0.05\n0.1,1.25,3\n")
+    assert "correct this line, or remove it" in str(told.value.hint)
+
+
+@pytest.mark.parametrize("name", ["lake.wtr", "run.log", "readings"])
+def test_any_text_is_read_as_a_table(write: Write, ode, name: str) -> None:
+    lines = [f"2024-05-0{1 + i}\t{i}.5\t{i % 3}" for i in range(9)]
+    path = write(name, "\n".join(["datetime\tu\tv", *lines, ""]))
+    assert read_episodes(path, None, ode).single(path).names == ("u", "v")
+    with pytest.raises(InputError, match="this is a binary file, and no table of text"):
+        read_episodes(write("b.wtr", "time\tu\0\n"), None, ode)

@@ -15,7 +15,7 @@ from dashred.data.io.in_memory import read_in_memory
 from dashred.data.io.reader import read_recording
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.io.tables.csv_table import read_table
-from dashred.data.io.tables.dates import is_date
+from dashred.data.io.tables.dates import CLOCK_FORMAT, is_date, seconds_until
 from dashred.data.io.tables.table_layout import TableLayout
 from dashred.data.io.tables.time_column import find_time_column, likely_times, read_times
 
@@ -100,6 +100,14 @@ def test_the_unit_is_that_of_the_system(write: Write, ode: Any, unit: str, secon
     system = replace(ode, units={"t": unit})
     found = times(write, system, column("time", stamps("%Y-%m-%d %H:%M")))
     np.testing.assert_allclose(found, QUARTERS / seconds)
+
+
+@pytest.mark.parametrize("last", ["24:15:00", "1.00:15:00", "1 day, 0:15:00", "1 days 00:15:00.0"])
+def test_a_clock_may_count_beyond_a_day(write: Write, ode: Any, last: str) -> None:
+    found = times(write, ode, column("Time", ["0:00:00", "12:30:00", "23:45:00", last]))
+    np.testing.assert_array_equal(found, 900.0 * np.array([0, 50, 95, 97]))
+    assert seconds_until(last, "0:00:00", CLOCK_FORMAT) == 97 * 900
+    assert seconds_until("1:00", "23:00", CLOCK_FORMAT) == 7200
 
 
 def test_a_time_zone_counts(write: Write, ode: Any) -> None:
