@@ -15,6 +15,7 @@ from dashred.core.stated.column_names import parse_columns
 from dashred.data.io.reader import read_episodes
 from dashred.data.io.tables.table_layout import TableLayout
 from dashred.pipeline.init.columns import read_recording
+from dashred.pipeline.init.guessed_system import ChosenColumns
 from tests.fuzz.examples import fuzzed
 
 
@@ -144,7 +145,7 @@ def test_the_file_of_a_logger_is_refused_or_a_recording(
 def test_init_refuses_a_file_or_names_its_columns(text: str, inputs: list[str]) -> None:
     Path("a.csv").write_text(text, encoding="utf-8")
     try:
-        guessed, recordings, _ = read_recording("a.csv", None, inputs)
+        guessed, recordings, _ = read_recording("a.csv", None, ChosenColumns(inputs))
         assert guessed.fields and recordings
         assert len({*guessed.fields, *guessed.inputs}) == len(guessed.fields) + len(guessed.inputs)
     except InputError as error:

@@ -57,7 +57,7 @@ def test_a_fast_response_with_a_long_tail_is_not_thinned_away(
     rate: float, share: float, sigma: float
 ) -> None:
     """A step response at the start: its fast part lasts for few of very many samples."""
-    times = 0.1 * np.arange(20_000, dtype=np.float64)
+    times = np.linspace(0.0, 1999.9, 20_000)
     fast = share * np.exp(-times / rate)
     values = 1 - fast - (1 - share) * np.exp(-times / 400)
     values += sigma * np.random.default_rng(5).standard_normal(len(times))
@@ -75,7 +75,7 @@ def test_a_fast_response_with_a_long_tail_is_not_thinned_away(
 
 def test_times_that_are_dense_at_the_start_are_not_lost_to_a_clock() -> None:
     """As a logger with two rates writes them: 100 Hz at first, then 1 Hz."""
-    times = np.concatenate([0.01 * np.arange(400.0), 4.0 + np.arange(2000.0)])
+    times = np.concatenate([np.linspace(0.0, 3.99, 400), np.linspace(4.0, 2003.0, 2000)])
     values = 1 - 0.2 * np.exp(-times / 0.05) - 0.8 * np.exp(-times / 300)
     recording, noise = Recording((Sensor("y", "y"),), times, values[:, None]), np.array([1e-3])
     lost = lost_change(recording, noise, 1.0)
@@ -83,7 +83,7 @@ def test_times_that_are_dense_at_the_start_are_not_lost_to_a_clock() -> None:
 
 
 def test_a_slow_record_may_be_thinned_to_a_hundred_and_fifty_samples() -> None:
-    times = 0.1 * np.arange(20_000, dtype=np.float64)
+    times = np.linspace(0.0, 1999.9, 20_000)
     values = 1 - np.exp(-times / 400) + 1e-3 * np.random.default_rng(6).standard_normal(20_000)
     recording, noise = Recording((Sensor("y", "y"),), times, values[:, None]), np.array([1e-3])
     assert suggested_step(recording, samples_per_change(recording, noise), noise) == 10

@@ -148,7 +148,7 @@ def test_marks_of_missing_values_in_an_input_give_a_warning(
     path = swing(tmp_path, rows, "time,x,v,force")
     path.write_text(SWING.replace("  start:", "  inputs: {f: force}\n  start:"))
     found = said(capsys, f"conf={path}", "system.equations.v=-x+0.01*f")
-    assert "The input f is -999 3 times, far from its other values" in found
+    assert "The input force is -999 3 times, far from its other values" in found
 
 
 def test_a_clock_that_leaves_out_the_fastest_response_gives_a_warning(

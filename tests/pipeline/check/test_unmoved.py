@@ -16,7 +16,7 @@ from dashred.pipeline.check import command
 from dashred.pipeline.check.agreement import compare_amplitudes
 from dashred.pipeline.check.unmoved import resting, unmoved, unmoved_remarks
 
-TIMES = 0.05 * np.arange(61)
+TIMES = np.linspace(0.0, 3.0, 61)
 PLACES = np.arange(1.0, 9.0)
 NAMES = [f"s{x:.0f}" for x in PLACES]
 SENSORS = tuple(Sensor(name, "u", (float(x),)) for name, x in zip(NAMES, PLACES, strict=True))
