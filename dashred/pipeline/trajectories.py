@@ -12,11 +12,11 @@ from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import build_forcing
 from dashred.inference.hypotheses.result import Discovery
 from dashred.inference.results.corrected_system import build_corrected_system
+from dashred.physics.runs.bounded_step import BoundedStep, bounded_step
 from dashred.physics.runs.initial_state_prior import field_rms
 from dashred.physics.solvers.simulate import simulate
 from dashred.pipeline.held_out_episode import fit_starts
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation.corrected_step import CorrectedStep, corrected_step
 from dashred.pipeline.simulation.nominal_run import NominalRun
 
 # Length of the forecast in lengths of the recording.
@@ -137,10 +137,10 @@ def _run(
     forcing = build_forcing(candidates, torch.stack([without, refitted_without, law, law]))
     same_start, refit, corrected, shifted = simulate(problem.system, starts, all_times, forcing)
     rate = _growth_rate(times, corrected[: len(times)], shifted[: len(times)])
-    step = CorrectedStep()
+    step = BoundedStep()
     if best.candidates:
         system = build_corrected_system(problem.system, best)
-        step = corrected_step(system, start, all_times, len(times))
+        step = bounded_step(system, start, all_times, len(times))
     if best.parameters and not best.candidates:
         [same_start] = simulate(problem.stated_system, nominal[None], all_times)
     states = {

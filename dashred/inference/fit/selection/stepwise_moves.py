@@ -43,8 +43,8 @@ def neighbouring_sets(
 ) -> list[Set]:
     """Return the best sets that differ from a set by one swap, one addition or one omission.
 
-    The small promising sets are included, and :func:`exchanges`. A set that was refitted before is left out, unless its F
-    is above the prediction of the linearised problem: its fit may be stuck.
+    The small promising sets are included, and :func:`exchanges`. A set that was refitted before is
+    left out, unless its F is above the prediction of the linearised problem: its fit may be stuck.
 
     Args:
         problem: the linearised problem at the fit of the set.

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 import torch
 
+from dashred.physics.runs.bounded_step import BoundedStep, bounded_step
 from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.system import System, Term
-from dashred.pipeline.simulation.corrected_step import CorrectedStep, corrected_step
 from tests import laws
 
 TEXT = """
@@ -34,12 +34,12 @@ recording: {twin: a, sensors: 1, noise: 0, duration: 8, every: 1.0}
 TIMES, RECORDED = torch.arange(13, dtype=torch.float64), 9
 
 
-def found(system: System, text: str, value: float) -> CorrectedStep:
+def found(system: System, text: str, value: float) -> BoundedStep:
     """Return the step of a system with a law, from its own start."""
     [field] = system.fields
     term = Term(field, system.parse(text, "test", equation=field))
     [start] = nominal_start(system)
-    return corrected_step(system.with_terms([(term, value)]), start, TIMES, RECORDED)
+    return bounded_step(system.with_terms([(term, value)]), start, TIMES, RECORDED)
 
 
 @pytest.fixture(scope="module")
@@ -48,9 +48,9 @@ def decay(tmp_path_factory: pytest.TempPathFactory) -> System:
 
 
 def test_a_law_that_the_step_resolves_changes_nothing(decay: System) -> None:
-    assert found(decay, "x", -1.0) == CorrectedStep()
+    assert found(decay, "x", -1.0) == BoundedStep()
     # An unstable equation, x' = x, grows by 1e5: this is no fault of the step.
-    assert found(decay, "x", 2.0) == CorrectedStep()
+    assert found(decay, "x", 2.0) == BoundedStep()
 
 
 def test_a_stiff_law_gets_a_shorter_step(decay: System) -> None:
@@ -73,7 +73,7 @@ def test_a_law_that_diverges_does_so_with_any_step(decay: System) -> None:
 
 def test_a_found_diffusion_gets_a_shorter_step(tmp_path: Path) -> None:
     system = laws.declared(tmp_path, RING)
-    assert found(system, "d(u, x, 2)", 0.0) == CorrectedStep()
+    assert found(system, "d(u, x, 2)", 0.0) == BoundedStep()
     stiff = found(system, "d(u, x, 2)", 0.01)
     assert stiff.dt is not None and stiff.dt < system.dt and stiff.diverges is None
     assert stiff.states is not None and bool(stiff.states.isfinite().all())

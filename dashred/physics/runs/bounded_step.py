@@ -1,4 +1,4 @@
-"""The time step at which the corrected simulator is stable, and where its law diverges.
+"""The time step at which a corrected simulator stays bounded, and where its law diverges.
 
 The time step was chosen for the simulator without the law. A law may make it stiff: the step is
 then too long for an explicit method. Or the law itself diverges where the recording has no data.
@@ -24,7 +24,7 @@ FEWEST_SAMPLES = 5
 
 
 @dataclass(frozen=True)
-class CorrectedStep:
+class BoundedStep:
     """How the corrected simulator runs over the recording and its forecast.
 
     Attributes:
@@ -39,8 +39,8 @@ class CorrectedStep:
 
 
 @torch.no_grad()
-def corrected_step(system: System, start: Tensor, times: Tensor, recorded: int) -> CorrectedStep:
-    """Return the longest stable time step of the corrected simulator: its own, or shorter ones.
+def bounded_step(system: System, start: Tensor, times: Tensor, recorded: int) -> BoundedStep:
+    """Return the longest stable time step of a corrected simulator: its own, or a shorter one.
 
     A step is stable if the run stays within bounds, and if rounding errors stay small
     (:mod:`.step_stability`).
@@ -58,11 +58,11 @@ def corrected_step(system: System, start: Tensor, times: Tensor, recorded: int) 
         [states] = simulate(stepped, start[None], times)
         lost = _lost(states, recorded)
         if lost is None and (not has_steps or _is_stable(stepped, states, times)):
-            return CorrectedStep(stepped.dt, states) if halvings else CorrectedStep()
+            return BoundedStep(stepped.dt, states) if halvings else BoundedStep()
         if lost is not None and lost == before and lost > FEWEST_SAMPLES:
             break
         before = -1 if lost is None else lost
-    return CorrectedStep(diverges=None if lost is None else float(times[lost]))
+    return BoundedStep(diverges=None if lost is None else float(times[lost]))
 
 
 def _lost(states: Tensor, recorded: int) -> int | None:
