@@ -46,8 +46,8 @@ class Trajectories:
             1/time; an estimate of the largest Lyapunov exponent.
         dt: a shorter time step, with which the corrected simulator was run because its own is
             unstable; None if it is stable.
-        diverges: time at which the corrected simulator leaves all bounds with any time step; None
-            if it does not.
+        diverges: time at which the corrected simulator leaves all bounds, with shorter time steps
+            as well; None if it does not, or if it is a program.
         others: free runs of the other fitted episodes.
         whole: free runs of the episodes that are held out as a whole.
     """
@@ -138,7 +138,7 @@ def _run(
     same_start, refit, corrected, shifted = simulate(problem.system, starts, all_times, forcing)
     rate = _growth_rate(times, corrected[: len(times)], shifted[: len(times)])
     step = BoundedStep()
-    if best.candidates:
+    if best.candidates and problem.system.program is None:
         system = build_corrected_system(problem.system, best)
         step = bounded_step(system, start, all_times, len(times))
     if best.parameters and not best.candidates:

@@ -102,7 +102,8 @@ class Fit(HeldOut):
     one last did.
     `corrected_dt` is the time step of the corrected simulator if that of the simulator is unstable
     with the law, and else null. `diverges` is the time, in the recording or in the forecast after
-    it, at which the corrected simulator leaves all bounds with any time step; null if it does not.
+    it, at which the corrected simulator leaves all bounds, with shorter time steps as well; null if
+    it does not, or if it is a program.
     `comparisons` tell whether held-out data support the law.
     `misfit_at_test_sensors` is the RMSE of the corrected simulator at each test sensor, in
     standard deviations of the noise.

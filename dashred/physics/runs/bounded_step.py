@@ -30,7 +30,8 @@ class BoundedStep:
     Attributes:
         dt: a shorter time step at which it is stable; None if its own is, or if none helps.
         states: its run with that step, ``(time, field, *grid)``; None without one.
-        diverges: time at which it leaves all bounds with any step; None if it does not.
+        diverges: time at which it leaves all bounds, with shorter steps as well; None if it does
+            not.
     """
 
     dt: float | None = None
@@ -51,7 +52,7 @@ def bounded_step(system: System, start: Tensor, times: Tensor, recorded: int) ->
         times: of the recording and the forecast, ``(time,)``.
         recorded: number of times of the recording.
     """
-    has_steps = system.program is None and (bool(system.axes) or system.tableau is not None)
+    has_steps = bool(system.axes) or system.tableau is not None
     before = -1
     for halvings in range(MAX_HALVINGS + 1 if has_steps else 1):
         stepped = system.with_step(system.dt / 2**halvings) if halvings else system

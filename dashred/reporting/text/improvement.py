@@ -210,8 +210,8 @@ def forecast_limits(findings: Mapping[str, Any]) -> list[str]:
     if (diverges := fit.get("diverges")) is not None:
         time = with_unit(f"{diverges:.4g}", units.get(TIME))
         lines.append(
-            f"The corrected simulation leaves all bounds at t = {time}, with any time step: the "
-            "law diverges outside of the range of the recording. There is no forecast after that."
+            f"The corrected simulation leaves all bounds at t = {time}, and shorter time steps do "
+            "not prevent it: there the law diverges. There is no forecast after that."
         )
     if (dt := fit.get("corrected_dt")) is not None:
         step = with_unit(number(float(f"{dt:.6g}")), units.get(TIME))
