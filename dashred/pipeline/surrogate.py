@@ -101,7 +101,7 @@ def _corrected_ensemble(
         for i, (episode, times, members, suffix) in enumerate(
             split_members(problem, settings.members)
         ):
-            system = _ensemble_system(episode, law, starts[i], times)
+            system = _ensemble_system(episode, law, starts[i], times, free.shortest_dt)
             path = corrected[i].states["corrected"][: len(episode.split.fit.times)]
             rng = problem.rng(f"corrected ensemble{suffix}")
             start_prior = StartPrior(system, starts[i], prior.rms, prior.kept)
@@ -129,8 +129,21 @@ def log_model(
     return uri
 
 
-def _ensemble_system(episode: Problem, law: Law, start: Tensor, times: Tensor) -> System:
-    """Return the corrected simulator, with the time step of the ensemble if that is stable."""
+def _ensemble_system(
+    episode: Problem, law: Law, start: Tensor, times: Tensor, dt: float | None
+) -> System:
+    """Return the corrected simulator, with the time step of the ensemble if that is stable.
+
+    Args:
+        episode: its recording and simulator.
+        law: the correction.
+        start: the fitted start, ``(field, *grid)``.
+        times: output times.
+        dt: the time step that the corrected simulator needs; None if that of the simulator is
+            stable.
+    """
+    if dt is not None:
+        return build_corrected_system(episode.system, law).with_step(dt)
     quick = build_corrected_system(episode.ensemble_system, law)
     stable = bool(torch.isfinite(simulate(quick, start[None], times)).all())
     return quick if stable else build_corrected_system(episode.system, law)

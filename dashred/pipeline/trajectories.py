@@ -11,6 +11,8 @@ from dashred.core.progress import stage
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import build_forcing
 from dashred.inference.hypotheses.result import Discovery
+from dashred.inference.results.corrected_system import build_corrected_system
+from dashred.physics.runs.bounded_step import BoundedStep, bounded_step
 from dashred.physics.runs.initial_state_prior import field_rms
 from dashred.physics.solvers.simulate import simulate
 from dashred.pipeline.held_out_episode import fit_starts
@@ -42,6 +44,10 @@ class Trajectories:
             with the law, without it, and with it; without a law they are as stated in the first.
         growth_rate: rate at which a small error of the start of the corrected simulator grows, in
             1/time; an estimate of the largest Lyapunov exponent.
+        dt: a shorter time step, with which the corrected simulator was run because its own is
+            unstable; None if it is stable.
+        diverges: time at which the corrected simulator leaves all bounds, with shorter time steps
+            as well; None if it does not, or if it is a program.
         others: free runs of the other fitted episodes.
         whole: free runs of the episodes that are held out as a whole.
     """
@@ -50,8 +56,25 @@ class Trajectories:
     recorded: int
     states: dict[str, Tensor]
     growth_rate: float
+    dt: float | None = None
+    diverges: float | None = None
     others: tuple[Trajectories, ...] = ()
     whole: tuple[Trajectories, ...] = ()
+
+    @property
+    def every(self) -> tuple[Trajectories, ...]:
+        """The runs of all episodes."""
+        return (self, *self.others, *self.whole)
+
+    @property
+    def shortest_dt(self) -> float | None:
+        """The time step with which the corrected simulator is stable in every episode."""
+        return min((run.dt for run in self.every if run.dt is not None), default=None)
+
+    @property
+    def first_diverges(self) -> float | None:
+        """Time at which the corrected simulator diverges first, of all episodes."""
+        return min((run.diverges for run in self.every if run.diverges is not None), default=None)
 
     def over(self, samples: slice) -> dict[str, Tensor]:
         """Return the states of the given samples by method."""
@@ -99,9 +122,9 @@ def _run(
         nominal: start of the simulator as it is configured.
     """
     times = problem.times
-    step = float((times[1:] - times[:-1]).median())
-    ahead = round(FORECAST * float(times[-1] - times[0]) / step)
-    forecast = times[-1] + step * torch.arange(1, ahead + 1, dtype=torch.float64)
+    interval = float((times[1:] - times[:-1]).median())
+    ahead = round(FORECAST * float(times[-1] - times[0]) / interval)
+    forecast = times[-1] + interval * torch.arange(1, ahead + 1, dtype=torch.float64)
     all_times = torch.cat([times, forecast])
     # A start that is known exactly equals the nominal one.
     shift = SHIFT * (nominal - start if bool((nominal != start).any()) else start)
@@ -113,15 +136,19 @@ def _run(
     )
     forcing = build_forcing(candidates, torch.stack([without, refitted_without, law, law]))
     same_start, refit, corrected, shifted = simulate(problem.system, starts, all_times, forcing)
+    rate = _growth_rate(times, corrected[: len(times)], shifted[: len(times)])
+    step = BoundedStep()
+    if best.candidates and problem.system.program is None:
+        system = build_corrected_system(problem.system, best)
+        step = bounded_step(system, start, all_times, len(times))
     if best.parameters and not best.candidates:
         [same_start] = simulate(problem.stated_system, nominal[None], all_times)
     states = {
         "simulation_same_start": same_start,
         "simulation_refit": refit,
-        "corrected": corrected,
+        "corrected": corrected if step.states is None else step.states,
     }
-    rate = _growth_rate(times, corrected[: len(times)], shifted[: len(times)])
-    return Trajectories(all_times, len(times), states, rate)
+    return Trajectories(all_times, len(times), states, rate, step.dt, step.diverges)
 
 
 def _growth_rate(times: Tensor, states: Tensor, shifted: Tensor) -> float:

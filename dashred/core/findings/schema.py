@@ -105,6 +105,10 @@ class Fit(HeldOut):
     `sufficient_dt` is a time step with which it is at most 0.1, if there is one, and else null. If
     the simulator is a program, `failure` says how many of its steps failed, and what it said when
     one last did.
+    `corrected_dt` is the time step of the corrected simulator if that of the simulator is unstable
+    with the law, and else null. `diverges` is the time, in the recording or in the forecast after
+    it, at which the corrected simulator leaves all bounds, with shorter time steps as well; null if
+    it does not, or if it is a program.
     `comparisons` tell whether held-out data support the law.
     `misfit_at_test_sensors` is the RMSE of the corrected simulator at each test sensor, in
     standard deviations of the residuals at the fitted sensors.
@@ -118,6 +122,8 @@ class Fit(HeldOut):
     own_error: float | None
     failure: NotRequired[str | None]
     sufficient_dt: NotRequired[float | None]
+    corrected_dt: NotRequired[float | None]
+    diverges: NotRequired[float | None]
     chi2: float | None
     unexplained: float | None
     misfit_at_test_sensors: dict[str, float] | None

@@ -23,7 +23,7 @@ from dashred.physics.program_parameters import parameter_term
 from dashred.physics.runs.tendency_size import program_slopes, tendency_size
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
-from dashred.physics.terms.collinear_terms import COLLINEARITY_TOLERANCE
+from dashred.physics.terms.collinear_terms import COLLINEARITY_TOLERANCE, may_differ
 from dashred.physics.terms.let_terms import resolved_let_term
 from dashred.physics.terms.library import resolve
 from dashred.physics.window import Window
@@ -101,12 +101,14 @@ def build_candidates(
     extensions: Sequence[Term] = (),
     priors: Mapping[str, ChangePrior] | None = None,
     let_terms: Sequence[Term] = (),
+    moved: Tensor | None = None,
 ) -> list[Candidate]:
     """Return parameters, library terms and terms of lets as candidates, without collinear ones.
 
     Two candidates are collinear if their tendencies are proportional over the nominal simulation.
     Of collinear parameters the first remains, with the others as aliases. A parameter replaces a
-    collinear term. Every uncertain parameter remains, because its prior makes it distinct.
+    collinear term. Every uncertain parameter remains, because its prior makes it distinct. Terms
+    of fields that are equal in the simulation alone remain, too.
 
     Args:
         system: the simulator.
@@ -116,6 +118,7 @@ def build_candidates(
         extensions: terms of ``library`` that were added to it.
         priors: of the uncertain parameters, by name.
         let_terms: candidate terms of lets.
+        moved: other states, each field moved by itself, as ``nominal``; None without any.
     """
     known = priors or {}
     ordered = sorted(system.config.parameters, key=lambda name: name not in known)
@@ -152,11 +155,16 @@ def build_candidates(
         if not 0 < columns.sizes[j] < math.inf:
             continue
         cosines = columns.cosines(j, independent)
-        collinear = torch.nonzero(cosines > 1 - COLLINEARITY_TOLERANCE).flatten().tolist()
+        alike = torch.nonzero(cosines > 1 - COLLINEARITY_TOLERANCE).flatten().tolist()
+        collinear = [
+            i
+            for i in (independent[each] for each in alike)
+            if moved is None or not _differ_on(system, candidate, found[i], moved, t, rms)
+        ]
         if not collinear:
             independent.append(j)
             continue
-        first = independent[collinear[0]]
+        first = collinear[0]
         if candidate.equation is None:
             aliases.setdefault(first, []).append(candidate.name)
         else:
@@ -171,6 +179,27 @@ def build_candidates(
         )
         for j in independent
     ]
+
+
+def _differ_on(
+    system: System,
+    one: Candidate,
+    other: Candidate,
+    states: Tensor,
+    t: float | Tensor,
+    rms: Tensor,
+) -> bool:
+    """Return whether two candidates of several fields are not proportional on states."""
+    if not any(
+        may_differ(system, mine.expression, theirs.expression)
+        for mine in one.terms
+        for theirs in other.terms
+        if mine.equation == theirs.equation
+    ):
+        return False
+    columns = [term_column(system, each.terms, states, t, rms) for each in (one, other)]
+    pair = Columns.of(columns, {}, 1)
+    return bool(pair.cosines(0, [1]) < 1 - COLLINEARITY_TOLERANCE)
 
 
 def replaced_terms(

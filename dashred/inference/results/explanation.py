@@ -23,7 +23,8 @@ from dashred.physics.system import System
 from dashred.physics.terms.term_units import coefficient_unit
 from dashred.physics.window import Window
 
-MOST_ALTERNATIVES = 3
+# Number of other laws that are listed if not so many are rivals.
+ALTERNATIVES = 3
 # Alternatives within this ΔBIC are listed before the best law of one term.
 NEAR = 12.0
 
@@ -54,7 +55,7 @@ def terms_of_law(
 
 
 def alternatives(discovery: Discovery, system: System) -> list[Alternative]:
-    """Return at most three other laws: rivals first, then by score.
+    """Return all rivals, and other laws by score if there are fewer than three.
 
     If the best law has several terms, the best law of one term is among them for comparison.
     """
@@ -62,13 +63,13 @@ def alternatives(discovery: Discovery, system: System) -> list[Alternative]:
     # By identity, because laws contain tensors, whose comparison is elementwise.
     rival_ids = {id(law) for law in rivals}
     others = [law for law in discovery.laws[1:] if id(law) not in rival_ids]
-    chosen = [*rivals, *others][:MOST_ALTERNATIVES]
+    chosen = [*rivals, *others[: max(0, ALTERNATIVES - len(rivals))]]
     single = [law for law in discovery.laws[1:] if len(law.candidates) == 1]
     chosen_ids = {id(law) for law in chosen}
     if single and len(best.candidates) > 1 and id(single[0]) not in chosen_ids:
         # It replaces an alternative that is not nearly as good as the best law.
         near = [law for law in chosen if law.score < best.score + NEAR]
-        chosen = [*near, single[0]] if len(near) < MOST_ALTERNATIVES else chosen
+        chosen = [*near, single[0]] if len(near) < ALTERNATIVES else chosen
     return [
         Alternative(
             terms=_terms_tried(system, law.candidates, law.coefficients.tolist()),

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from dashred.core.errors import InputError
-from dashred.physics.expressions.algebra import names
+from dashred.physics.expressions.algebra import Expr, names
 from dashred.physics.system import System, Term
 from dashred.physics.terms.column_blocks import in_blocks
 from dashred.physics.terms.library import calls, evaluate_terms
@@ -30,7 +30,7 @@ def uninformative_terms(
 
     The column of such a term on the states ``(batch, field, *grid)`` vanishes, is not finite, or
     is proportional to the column of an earlier term of the equation, which is then the reason.
-    Two fields may be equal in a simulation that lacks what makes them differ. Terms of different
+    Two fields may be equal in a simulation that lacks what makes them differ. Terms of several
     fields, without kinks, count as proportional only if they are so on other states, too.
 
     Args:
@@ -70,18 +70,29 @@ def uninformative_terms(
                 break
     if moved is not None:
         for term, reason in list(why.items()):
-            if isinstance(reason, str) or not _differ_in_fields(system, term, reason):
+            if isinstance(reason, str):
+                continue
+            pair = [system.resolve(each.expression, "library") for each in (term, reason)]
+            if not may_differ(system, *pair):
                 continue
             if term not in uninformative_terms(system, (reason, term), moved, t):
                 del why[term]
     return why
 
 
-def _differ_in_fields(system: System, *terms: Term) -> bool:
-    """Return whether both have fields, other ones, and no kinks, which other states would cross."""
-    resolved = [system.resolve(term.expression, "library") for term in terms]
-    one, other = (names(expr) & set(system.fields) for expr in resolved)
-    return one != other and bool(one and other) and not any(any(calls(e, KINKS)) for e in resolved)
+def may_differ(system: System, one: Expr, other: Expr) -> bool:
+    """Return whether expressions of several fields may differ where the fields differ.
+
+    Both have fields, together at least two, and no kinks, which other states would cross.
+
+    Args:
+        system: the simulator.
+        one: a resolved expression.
+        other: another one.
+    """
+    mine, theirs = (names(expr) & set(system.fields) for expr in (one, other))
+    has_kinks = any(any(calls(expr, KINKS)) for expr in (one, other))
+    return bool(mine and theirs) and len(mine | theirs) > 1 and not has_kinks
 
 
 def check_collinear(

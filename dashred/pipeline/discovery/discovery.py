@@ -56,6 +56,7 @@ def discover(given: DiscoveryInputs, run: RunTracker, seconds: dict[str, float])
             problem.extensions,
             problem.parameter_priors,
             problem.let_terms,
+            samples.moved,
         )
     )
     simulator = exact_simulator(problem, candidates, parameters=parameters)

@@ -60,6 +60,7 @@ def write_corrected(
     recording_sha256: str,
     remark: str = "",
     hidden: HiddenState | None = None,
+    dt: float | None = None,
 ) -> None:
     """Write the configuration of the corrected simulator atomically.
 
@@ -69,6 +70,17 @@ def write_corrected(
     ``conf/base.yaml``. It contains no paths but those of a program and its nodes, which are
     absolute, so it runs in any folder. The remark is part of its header. A hidden state of the
     law is one more field, and begins at its fitted start.
+
+    Args:
+        path: of the file.
+        config: the user's configuration.
+        system: the simulator.
+        law: the law.
+        recording_sha256: hash of the recording.
+        remark: a sentence for the header.
+        hidden: a hidden state that was added to the system.
+        dt: a time step with which the corrected simulator is stable; None if that of the simulator
+            is.
     """
     values = _user_values(config)
     found = hidden_state(system, law, hidden)
@@ -92,9 +104,9 @@ def write_corrected(
     stated = config.system
     if lets := {n: text for n, text in corrected.config.let.items() if n in stated.let}:
         values["system"]["let"] = _Block(lets)
-    if config.system.integrator.dt is None:
-        # The step was chosen from the recording, which this file does not name.
-        _put(values, ["system", "integrator", "dt"], system.dt)
+    if dt is not None or config.system.integrator.dt is None:
+        # A chosen step was chosen from the recording, which this file does not name.
+        _put(values, ["system", "integrator", "dt"], dt or system.dt)
     # The equations replace the Python class of the simulator.
     values["system"].pop("class", None)
     # Uncertain parameters have their fitted values.

@@ -91,7 +91,8 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     # The residuals have the same σ in all episodes.
     law, std = discovered.best, discovered.noise.std[: len(names)]
     # Without a law that is told, its numerical error says nothing.
-    error = None if kind == "not-converged" else numerical_error(problem, law, std)
+    is_told = kind != "not-converged"
+    error = numerical_error(problem, law, std) if is_told else None
     too_large = error is not None and error > 1
     fit = Fit(
         comparisons=comparisons,
@@ -102,6 +103,8 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         own_error=error,
         failure=None if problem.system.program is None else problem.system.program.failure,
         sufficient_dt=sufficient_step(problem, law, std) if too_large else None,
+        corrected_dt=analysis.trajectories.shortest_dt if is_told else None,
+        diverges=analysis.trajectories.first_diverges if is_told else None,
         chi2=discovered.best.chi2,
         unexplained=left,
         misfit_at_test_sensors=misfits or None,
@@ -218,7 +221,8 @@ def write_findings(problem: Problem, analysis: Analysis, findings: Findings, out
             others.append(FMU)
         remark = " ".join(filter(None, (remark, told)))
         path = output / CORRECTED
-        write_corrected(path, problem.config, problem.system, law, sha256, remark, hidden)
+        dt = analysis.trajectories.shortest_dt
+        write_corrected(path, problem.config, problem.system, law, sha256, remark, hidden, dt)
         others.append(CORRECTED)
         network, recording = analysis.corrected_network.shred, whole_recording(problem.split)
         write_estimator(

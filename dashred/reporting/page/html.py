@@ -21,6 +21,7 @@ from dashred.reporting.text.improvement import (
     assimilation_gains,
     contradictions,
     error_before,
+    forecast_limits,
     improvements,
     is_confirmed,
 )
@@ -76,6 +77,7 @@ def page(
         errors=sections.errors_table(fit),
         improvements=[*improvements(findings), *assimilation_gains(findings)],
         forecast_errors=_forecast_errors(findings),
+        forecast_limits=forecast_limits(findings),
         inputs=system.get("inputs"),
         unexplained=sections.unexplained(findings),
         limits=verdict.limits(findings),

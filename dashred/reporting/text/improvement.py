@@ -225,6 +225,24 @@ def resolution_warning(fit: Mapping[str, Any]) -> list[str]:
     ]
 
 
+def forecast_limits(findings: Mapping[str, Any]) -> list[str]:
+    """Return where the forecast ends because the law diverges, and the step that the law needs."""
+    fit, units, lines = findings["fit"], findings.get("units", NO_UNITS), []
+    if (diverges := fit.get("diverges")) is not None:
+        time = with_unit(f"{diverges:.4g}", units.get(TIME))
+        lines.append(
+            f"The corrected simulation leaves all bounds at t = {time}, and shorter time steps do "
+            "not prevent it: there the law diverges. There is no forecast after that."
+        )
+    if (dt := fit.get("corrected_dt")) is not None:
+        step = with_unit(number(float(f"{dt:.6g}")), units.get(TIME))
+        lines.append(
+            "With the law, the time step of the simulation is unstable. corrected.yaml has a time "
+            f"step of {step}, and the forecast was made with it."
+        )
+    return lines
+
+
 def assimilation_gains(findings: Mapping[str, Any]) -> list[str]:
     """Return what assimilation improves, for a simulator that is given as snapshots."""
     if findings["verdict"] not in UNTESTED:

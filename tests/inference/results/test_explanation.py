@@ -177,7 +177,7 @@ def test_the_empty_law_counts_once(flow: System) -> None:
         assert shares == pytest.approx([CERTAIN * 0.62246, CERTAIN * 0.37754], rel=1e-4)
 
 
-def test_alternatives_are_rivals_first_and_three_at_most(flow: System) -> None:
+def test_alternatives_are_all_rivals_then_others_up_to_three(flow: System) -> None:
     u, cubic, lam = (laws.term(flow, "u", text) for text in ("u", "u**3", "lam"))
     best = laws.law([u], [0.1])
     nested = laws.law([u, cubic], [0.1, 0.0], score=1.0)
@@ -190,6 +190,10 @@ def test_alternatives_are_rivals_first_and_three_at_most(flow: System) -> None:
     assert found[0]["terms"] == [
         {"equation": "u", "term": "lam", "coefficient": 0.2, "window": None}
     ]
+    names = ("lam**2", "lam**3", "u*lam")
+    more = [laws.law([laws.term(flow, "u", name)], [0.3], score=5.0) for name in names]
+    found = alternatives(laws.discovery(best, nested, rival, twin, *more, *others), flow)
+    assert [other["rival"] for other in found] == [True] * 5
 
 
 def test_a_law_that_is_nearly_as_good_is_listed_before_one_of_a_single_term(flow: System) -> None:

@@ -90,6 +90,14 @@ def test_it_loads_from_another_folder_and_is_the_simulator_plus_the_law(
     assert [file.name for file in folder.iterdir()] == ["corrected.yaml"]
 
 
+def test_it_has_the_time_step_that_the_law_needs(mine: Path, tmp_path: Path) -> None:
+    config, system = load(mine)
+    for dt, expected in ((None, 0.05), (0.0125, 0.0125)):
+        path = tmp_path / "corrected.yaml"
+        write_corrected(path, config, system, example(system), "abc", dt=dt)
+        assert load(path)[1].dt == expected
+
+
 def test_what_the_command_line_changed_is_kept_but_nothing_of_one_run(
     mine: Path, tmp_path: Path
 ) -> None:

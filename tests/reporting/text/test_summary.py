@@ -142,6 +142,15 @@ def test_a_simulation_that_is_lost_has_no_error_in_numbers() -> None:
     assert "1e+06" not in told
 
 
+def test_a_law_that_diverges_and_a_step_that_it_needs_are_told() -> None:
+    found = doubtful(None)
+    found["fit"] |= {"diverges": 8.06, "corrected_dt": 0.0125}
+    for told in (summary(found, None, {}), page(found, {}, "")):
+        assert "leaves all bounds at t = 8.06, and shorter time steps do not prevent it" in told
+        assert "corrected.yaml has a time step of 0.0125" in told
+    assert "leaves all bounds" not in summary(doubtful(None), None, {})
+
+
 def doubtful(error: float | None) -> Any:
     found = findings_with()
     found["verdict"], found["causes"] = "missing-term", []

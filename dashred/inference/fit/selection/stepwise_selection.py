@@ -13,7 +13,12 @@ from dashred.core.budget import OutOfTimeError
 from dashred.core.progress import Report
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import chord_refits, minimise
-from dashred.inference.fit.selection.stepwise_moves import Set, neighbouring_sets, promising_sets
+from dashred.inference.fit.selection.stepwise_moves import (
+    Set,
+    exchanges,
+    neighbouring_sets,
+    promising_sets,
+)
 from dashred.inference.fit.selection.subset_search import ProfiledProblem
 
 ROUNDS = 6
@@ -76,8 +81,7 @@ def select(
         proposals: further sets to refit.
         report: progress.
     """
-    search = _Search(objective)
-    search.linearise(phi)
+    search = _Search(objective, phi)
     first = [(), *promising_sets(search.problem), *proposals]
     search.refit(first)
     report(0.4, f"{len(search.tried)} sets refitted")
@@ -91,7 +95,7 @@ def select(
             best = search.best
         search.linearise(best.phi)
         costs = {members: found.cost for members, found in search.tried.items()}
-        search.refit(neighbouring_sets(search.problem, best.members, costs))
+        search.refit(neighbouring_sets(search.problem, search.first, best.members, costs))
         report(0.4 + 0.6 * (turn + 1) / ROUNDS, f"{len(search.tried)} sets refitted")
         if search.best.members == best.members and not search.refit_rivals():
             exhausted = True
@@ -141,10 +145,12 @@ def choose_better(
 class _Search:
     """The sets refitted so far, under one noise model and one linearisation."""
 
-    def __init__(self, objective: LeastSquaresProblem) -> None:
+    def __init__(self, objective: LeastSquaresProblem, phi: Tensor) -> None:
         self.objective = objective
         self.tried: dict[Set, RefittedSet] = {}
         self.refitted_rivals: set[Set] = set()
+        self.linearise(phi)
+        self.first = self.problem
 
     @property
     def best(self) -> RefittedSet:
@@ -200,6 +206,8 @@ class _Search:
     def refit_rivals(self) -> bool:
         """Refit the best rivals that are no larger than the best set, with their own Jacobians.
 
+        Those that had nearly the same effect at first are among them.
+
         Returns:
             whether a rival is now the best set.
         """
@@ -212,7 +220,9 @@ class _Search:
             and math.isfinite(found.score)
             and self._is_near(members)
         ]
-        for rival in sorted(others, key=lambda found: found.score)[:RIVALS]:
+        others.sort(key=lambda found: found.score)
+        alike = set(exchanges(self.first, best.members))
+        for rival in [*others[:RIVALS], *[r for r in others[RIVALS:] if r.members in alike]]:
             if rival.members in self.refitted_rivals:
                 continue
             self.refitted_rivals.add(rival.members)

@@ -44,6 +44,7 @@ def search_library(problem: Problem, nominal: NominalRun) -> SegmentSearch | Non
         reference.times,
         priors=problem.parameter_priors,
         let_terms=problem.let_terms,
+        moved=reference.moved,
     )
     terms = [term for candidate in candidates for term in candidate.terms]
     if not has_ode_tangents(system, terms):

@@ -106,6 +106,7 @@ def test_rivals_with_stuck_refits_are_refitted(
     [rival] = [t for t in others if len(t.members) == 1][:1]
     assert rival.cost - polish(found.objective, rival, 1e-8).cost < 0.01
     monkeypatch.setattr("dashred.inference.fit.selection.stepwise_selection.RIVALS", 0)
+    monkeypatch.setattr("dashred.inference.fit.selection.stepwise_moves.ALIKE", 2.0)
     stuck = searched(problem(swing, "one term", 0))
     left = next(t for t in stuck.tried if t.members == rival.members)
     assert left.cost > rival.cost + 0.01
