@@ -85,7 +85,7 @@ def cause_text(cause: Cause, units: Mapping[str, str] = NO_UNITS) -> str | None:
 
 
 def noise_ratio(unexplained: float, misfit: float) -> float:
-    """Return the residuals of the given law in units of the noise of the traces.
+    """Return the residuals of the given law in units of the noise of the recording.
 
     Args:
         unexplained: share of the misfit of the largest fitted law that is not noise.

@@ -117,7 +117,7 @@ def _draw_profile(axes: Axes, profile: Mapping[str, Sequence[float | None]], clo
     axes.plot(times, after, color=GREEN, label=WITH)
     axes.axhline(1, color=GREY, linewidth=0.8, linestyle=(0, (2, 2)))
     axes.set(xlabel=clock, ylabel="misfit / noise σ", xlim=(times[0], times[-1]))
-    axes.set_title("misfit of all fit sensors; dashed: noise of the traces", fontsize=9)
+    axes.set_title("misfit of all fit sensors; dashed: noise of the recording", fontsize=9)
     _scale(axes, np.concatenate([before, after]), along_x=False)
 
 
