@@ -125,11 +125,10 @@ def main(argv: list[str]) -> int:
         what = f"cannot be written: {error.strerror}"
         hint = "choose another file: output=FILE.yaml"
         raise InputError(what, where=str(output), hint=hint) from None
-    if count := len(guessed.others):
-        one = (
-            "1 line that is no row" if count == 1 else f"{count} lines that are no rows, the first"
-        )
-        print(f"left out: {one}, line {guessed.others[0]}")
+    if guessed.others:
+        first, count = guessed.others[0], len(guessed.others)
+        which = f"line {first}" if count == 1 else f"{count} lines, the first is line {first}"
+        print(f"left out: {which} (not a row of the table)")
     if guessed.left_out:
         print(f"left out: {', '.join(guessed.left_out)} (constant, or a count of the rows)")
     if guessed.of_episodes:

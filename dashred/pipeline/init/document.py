@@ -12,6 +12,7 @@ from dashred.core.templates import render
 from dashred.data.clocks.resampling import coarser_step, native_step
 from dashred.data.io.tables.table_layout import TableLayout
 from dashred.data.recording import Recording
+from dashred.physics.expressions.combinations import COMBINATIONS
 from dashred.physics.expressions.functions import FUNCTIONS
 from dashred.pipeline.init.guess import GuessedValues
 from dashred.pipeline.init.guessed_system import GuessedSystem
@@ -50,7 +51,7 @@ def document(
         lets=guessed.lets,
         inputs=guessed.inputs,
         held=guessed.held_inputs,
-        functions=list(FUNCTIONS),
+        functions=[*FUNCTIONS, *COMBINATIONS],
         units=recording.units,
         guess=guess,
         examples={name: _example(name, guessed, guess) for name in named},

@@ -53,7 +53,7 @@ class GuessedSystem:
         of_episodes: columns that are no fields, with one value in each of several episodes.
         empty: columns that are left out, because they are empty in the part that is used.
         units: a unit of time for dates.
-        others: lines of the file that are left out, because they are no rows.
+        others: lines of the file that are left out, because they are not rows of the table.
         texts: columns that are left out, but may name the sensor of each row.
         row_numbers: column that was taken for the times, but may only count the rows.
     """

@@ -124,11 +124,12 @@ def test_a_plate_reader_s_export_is_read_as_it_is(
     fits = [f",{ends}", ",".join(["", "", *wells]), f"~End,{ends}", f"Original Filename: a,{ends}"]
     path = tmp_path / "plate.csv"
     path.write_text("\n".join([*settings, header, *rows, *fits, ""]))
-    with pytest.raises(InputError, match="96 columns besides time are too many") as told:
+    with pytest.raises(InputError, match="96 columns besides time are too many") as wide:
         command.main([f"path={path}", f"output={tmp_path / 'mine.yaml'}"])
-    assert "choose some of them: fields=A1,A2" in str(told.value.hint)
+    assert "choose some of them: fields=A1,A2" in str(wide.value.hint)
     assert command.main([f"path={path}", f"output={tmp_path / 'mine.yaml'}", "fields=B2,H12"]) == 0
-    assert "left out: 3 lines that are no rows, the first, line 102" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "left out: 3 lines, the first is line 102 (not a row of the table)" in told
     config = load_config([f"conf={tmp_path / 'mine.yaml'}"], entry="train")
     assert [*config.system.fields] == ["B2", "H12"] and config.recording.columns is None
     read = read_recorded(config, System(config.system, config.where)).single(str(path))
@@ -158,7 +159,7 @@ def test_a_serial_log_is_read_with_its_messages(
     text = "\r\n".join([*head, *rows[:25], "read error", *rows[25:], "[Peaks]", "no;at", "1;2", ""])
     assert written(tmp_path, text) == {"columns": None, "fields": ["T_in"]}
     said = capsys.readouterr().out
-    assert "left out: 4 lines that are no rows, the first, line 30" in said
+    assert "left out: 4 lines, the first is line 30 (not a row of the table)" in said
     assert "left out: heater (text)" in said and "such as 1 for on and 0 for off" in said
     (tmp_path / "mine.yaml").unlink()
     with pytest.raises(InputError, match="'OFF' is not a number") as told:

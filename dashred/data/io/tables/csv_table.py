@@ -46,8 +46,8 @@ class Table:
         lines: line of the file on which each row ends, counted from 1.
         units: unit of every column whose header states one, as in ``theta [rad]``.
         header: line of the header.
-        others: lines of the file between and below the rows that are left out, because they are
-            none.
+        others: lines of the file between and below the rows that are not rows of the table, and
+            are left out.
     """
 
     path: str

@@ -1,4 +1,4 @@
-"""Lines of a file that are no rows of its table: messages of the logger, and what stands below."""
+"""Lines of a file that are not rows of its table: messages of the logger, text below the rows."""
 
 from __future__ import annotations
 
