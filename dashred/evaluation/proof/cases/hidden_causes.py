@@ -93,7 +93,7 @@ def draw_nuisance(
     proof_system: ProofSystem, key: tuple[int, ...], rng: np.random.Generator
 ) -> dict[str, Any]:
     """Draw the difficulty of one in three nulls; empty for the others."""
-    seed, group, number = key
+    seed, group, number = key[:3]
     block, place = divmod(number, 3)
     if np.random.default_rng([seed, group, block]).integers(3) != place:
         return {}

@@ -54,6 +54,14 @@ def test_a_case_drawn_again_is_another_of_its_kind() -> None:
     assert redraw(case, 2) == later
 
 
+def test_a_null_drawn_again_has_the_same_kind_of_difficulty() -> None:
+    """The key of a case that was drawn again has one more entry."""
+    drawn = draw_cases(seed_of("a"), 0, 30)
+    assert sum(len(case.hidden) > 1 for case in drawn) == 10
+    for case in drawn:
+        assert redraw(case, 1).hidden.keys() == case.hidden.keys()
+
+
 @pytest.mark.parametrize(("margins", "draws"), [([20.0], 1), ([3.0, -8.0, 13.0], 3)])
 def test_unclear_cases_give_way_to_others(margins, draws, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(recording, "KEPT_SHARE", 0.0)
