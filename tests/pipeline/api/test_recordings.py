@@ -88,12 +88,19 @@ Change = Callable[[xr.Dataset], Any]
         (lambda ds: ds["value"].values, "type ndarray"),
         (lambda ds: ds.assign(value=ds["value"] * np.inf), "the value is infinite"),
         (lambda ds: "none.nc", "none.nc: no such file"),
-        (lambda ds: "none.xlsx", "not .xlsx"),
+        (lambda ds: "none.xlsx", "none.xlsx: no such file"),
     ],
 )
 def test_wrong_datasets(quick: Path, recorded: xr.Dataset, change: Change, says: str) -> None:
     with pytest.raises(dashred.InputError, match=says):
         dashred.Problem.from_yaml(quick, recording=change(recorded))
+
+
+def test_a_spreadsheet_is_refused(quick: Path, tmp_path: Path) -> None:
+    path = tmp_path / "mine.xlsx"
+    path.write_bytes(b"PK\x03\x04\x14\x00\x06\x00")
+    with pytest.raises(dashred.InputError, match="binary file"):
+        dashred.Problem.from_yaml(quick, recording=str(path))
 
 
 def test_a_unit_that_disagrees(recorded: xr.Dataset, quick: Path) -> None:
