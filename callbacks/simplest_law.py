@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 
 import torch
@@ -37,11 +38,11 @@ def simplest_law(
     support = [int(j) for j in proposed.nonzero()[0]]
     if not support:
         return proposed
-    state = {name: value.clone() for name, value in module.state_dict().items()}
+    state = copy.deepcopy(module.state_dict())
     *parts, everything = best_subsets(blocks, support)
     found, whole = proposed, module.refit(batch, torch.from_numpy(everything))
     if whole.get("step_error", math.inf) <= 1.0:
-        fitted = {name: value.clone() for name, value in module.state_dict().items()}
+        fitted = copy.deepcopy(module.state_dict())
         readings = int((~batch[1].isnan()).sum())
         for size, part in enumerate(parts):
             module.load_state_dict(fitted)
