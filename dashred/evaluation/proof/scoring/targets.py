@@ -222,7 +222,7 @@ TARGETS = (
         low=0.85,
         unit="",
     ),
-    Target("peak of the map inside the region", _share(outcomes.peak_inside), low=0.85),
+    Target("told place inside the region", _share(outcomes.place_inside), low=0.85),
     Target(
         "onset within 5 % of the record",
         _share(outcomes.onset_near, note=_count_missing("onset")),

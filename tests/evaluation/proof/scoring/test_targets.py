@@ -72,7 +72,7 @@ FLIPS: list[tuple[str, list[CaseRecord], CaseRecord]] = [
     ("start, sensor fault", [*NAMED, wrong(kind="fault")], wrong(kind="numerics")),
     ("false alarms", [null()] * 97 + [null(right=False)] * 3, null(right=False)),
     ("region", [case(region=region(overlap=0.9))], case(region=region(overlap=0.7))),
-    ("peak of the map", [case(peak_inside=True)] * 17 + [OFF_PEAK] * 3, OFF_PEAK),
+    ("told place", [case(peak_inside=True)] * 17 + [OFF_PEAK] * 3, OFF_PEAK),
     ("onset", [case(region=region(onset=0.05))], case(region=region(onset=0.06))),
     ("threshold", NEAR, case(region=region(threshold=0.2, threshold_z=2.5))),
     ("hidden field", [case(kind="hidden")] * 9 + [ELSEWHERE], ELSEWHERE),
@@ -137,7 +137,9 @@ def test_what_could_have_been_found_and_was_not_counts_as_missed() -> None:
     found = measured("region", [case(kind="box"), lost, cast(CaseRecord, blurred)])
     note = "2 of 3 cases lack it, 1 of which count as missed"
     assert (found.value, found.n, found.note) == (0.48, 2, note)
-    assert measured("peak of the map", [case(kind="box"), lost]).value == Rate(1, 2)
+    assert measured("told place", [case(kind="box"), lost]).value == Rate(1, 2)
+    without_map = [case(kind="box", region=region(overlap=o), peak_inside=None) for o in (0.4, 0.6)]
+    assert measured("told place", without_map).value == Rate(1, 2)
     for name, kind in (("onset", "onset"), ("threshold", "gate")):
         unfound = case(kind=kind, region=region())
         assert measured(name, [case(kind=kind), unfound]).value == Rate(1, 2)
@@ -195,7 +197,7 @@ def test_the_leading_cause_may_be_right_where_the_verdict_is_open() -> None:
         (case(oracle=oracle(lost=7.25)), "search failure: the true form scores better by 7.25"),
         (case(noisy_test=0.031), "error on noisy test data larger by 3.1 %"),
         (case(kind="hidden", equation_right=False), "wrong equation of the hidden field"),
-        (case(kind="box", peak_inside=False), "the peak of the map is outside the region"),
+        (case(kind="box", peak_inside=False), "the told place is outside the region"),
         (case(region=region(onset=0.2)), "the onset is wrong"),
         (case(region=region(threshold=0.2)), "the threshold is wrong"),
         (case(coefficients=[coefficient(found=-0.3)]), "the coefficient of u: u**2 is wrong"),
