@@ -109,7 +109,8 @@ class Assimilation:
     """Width of the transform's hidden layer; with dynamics it is at least 256."""
 
     gain: Annotated[float, Limit(at_least=0, below=1), Unit("the error before")]
-    """Relative reduction of the validation error below which the transform is discarded."""
+    """Relative reduction of the validation error below which the transform is discarded; with
+    dynamics any reduction counts."""
 
     dynamics: bool
     """Also fit the steps of the simulator between samples, with the law as an unknown."""

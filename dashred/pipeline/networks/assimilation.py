@@ -129,7 +129,7 @@ def fit_transform(
         child.log_terms([str(term) for term in problem.library])
         logs = place.accept(child.log_metrics), place.accept(run.log_metrics)
         curves, discovery = RMSECurves(*logs, "assimilate"), LatentDiscovery(latent, *logs)
-        best, limit = BestState(METRIC, settings.gain, plan.floor), TimeLimit(deadline)
+        best, limit = BestState(METRIC, plan.gain, plan.floor), TimeLimit(deadline)
         # Latent SINDy simulates in every epoch.
         proposes = not follows_segments(problem)
         stepped = replace(latent, system=problem.ensemble_system)

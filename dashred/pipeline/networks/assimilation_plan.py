@@ -23,6 +23,9 @@ from datamodules import RecordingDataModule, WholeRecordingDataModule
 
 # Epochs with dynamics, each a fit by L-BFGS, and the least width of the networks that are fitted.
 DYNAMIC_EPOCHS, DYNAMIC_WIDTH = 6, 256
+# The lowest validation error of a few epochs is hardly chance, and the steps of the simulator confirm
+# it: any decrease counts.
+DYNAMIC_GAIN = 0.0
 # A validation error of this multiple of the noise may be noise alone.
 NOISE_MARGIN = 1.2
 
@@ -36,6 +39,7 @@ class AssimilationPlan:
         data: its data.
         place: where it is fitted.
         epochs: largest number of epochs.
+        gain: relative decrease of the validation error that a change of SHRED needs.
         floor: validation error that noise alone would give; zero if the lowest error is taken.
     """
 
@@ -43,6 +47,7 @@ class AssimilationPlan:
     data: LightningDataModule
     place: Fitting
     epochs: int
+    gain: float
     floor: float = 0.0
 
 
@@ -57,7 +62,7 @@ def plain_plan(problem: Problem, shred: SHRED, data: RecordingDataModule) -> Ass
         rate=settings.rate,
         encoder_rate=settings.encoder_rate,
     )
-    return AssimilationPlan(module, data, fitting(problem.config), settings.epochs)
+    return AssimilationPlan(module, data, fitting(problem.config), settings.epochs, settings.gain)
 
 
 def dynamic_plan(
@@ -107,7 +112,7 @@ def dynamic_plan(
     # noise has the lowest error there, and is not the best one.
     floor = NOISE_MARGIN * float(shares.square().mean().sqrt())
     whole, place = WholeRecordingDataModule(data), FitHere(problem.config, "cpu")
-    return AssimilationPlan(module, whole, place, DYNAMIC_EPOCHS, floor)
+    return AssimilationPlan(module, whole, place, DYNAMIC_EPOCHS, DYNAMIC_GAIN, floor)
 
 
 def _sensors(problem: Problem) -> AssimilationSensors:

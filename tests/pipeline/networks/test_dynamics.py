@@ -19,7 +19,7 @@ from dashred.pipeline.networks.assimilation_plan import DYNAMIC_EPOCHS
 from tests.pipeline.networks.conftest import Configured
 from tests.pipeline.networks.fits import Networks, fit_networks
 
-WORDS = ("assimilation.dynamics=true", "assimilation.gain=0")
+WORDS = ("assimilation.dynamics=true", "assimilation.gain=0.99")
 
 
 @pytest.fixture(scope="module")
