@@ -23,8 +23,8 @@ from datamodules import RecordingDataModule, WholeRecordingDataModule
 
 # Epochs with dynamics, each a fit by L-BFGS, and the least width of the networks that are fitted.
 DYNAMIC_EPOCHS, DYNAMIC_WIDTH = 6, 256
-# The lowest validation error of a few epochs is hardly chance, and the steps of the simulator confirm
-# it: any decrease counts.
+# The lowest validation error of a few epochs is hardly chance, and the steps of the simulator
+# confirm it: any decrease counts.
 DYNAMIC_GAIN = 0.0
 # A validation error of this multiple of the noise may be noise alone.
 NOISE_MARGIN = 1.2
