@@ -17,12 +17,14 @@ import torch
 from torch import Tensor
 
 from dashred.core.budget import NEVER, Deadline
+from dashred.inference.forward.columns.states_along import states_along
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.forward.law_block import LawBlock
 from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.initial_state.start_models import StartModel
 
+# Step of an unknown of the start, in standard deviations of its prior.
 DIFFERENCE = 1e-5
 
 
@@ -137,11 +139,8 @@ class TangentColumns:
             block: the columns.
             spread: largest change of the start; the scale of a state that is zero everywhere.
         """
-        largest = tangents.abs().flatten(2).amax(dim=2).clamp(min=1e-300)
-        scale = states.abs().flatten(1).amax(dim=1, keepdim=True)
-        size = DIFFERENCE * torch.where(scale > 0, scale, spread) / largest
+        moved, size = states_along(states, tangents, spread)
         states = states[:, None]
-        moved = states + size.reshape(*size.shape, *(1,) * (states.dim() - 2)) * tangents
         difference = self.sensors.observe(moved) - self.sensors.observe(states)
         read = self.sensors.parameters
         if read is None or not (chosen := read.index(self.tendency.candidates)):

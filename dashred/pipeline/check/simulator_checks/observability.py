@@ -11,6 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
+from dashred.inference.forward.columns.states_along import states_along
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.physics.tangents.cell_tangents import has_cell_tangents, tangent_cells
@@ -82,8 +83,11 @@ def linearised_observations(context: CheckContext, nominal: NominalRun) -> Obser
     # The first step compiles the equations, which says nothing about the next.
     compiled = int(context.system.program is None and len(nominal.times) > 2)
     started, rows = time.perf_counter(), []
-    for state, moved in _tangents(context.system, nominal, modes):
-        rows.append(_observed_tangents(operator, state, moved) / sigma)
+    spread = float(modes.abs().max())
+    for state, tangents in _tangents(context.system, nominal, modes):
+        [moved], [steps] = states_along(state[None], tangents[None], spread)
+        derivative = (operator(moved) - operator(state[None])) / steps[:, None]
+        rows.append(derivative / sigma)
         if len(rows) == 1 + compiled:
             started = time.perf_counter()
         elif len(rows) > 1 + compiled and time.perf_counter() - started > SECONDS:
@@ -190,13 +194,3 @@ def _differences(
     path = simulate(system, starts, nominal.times[:count]).transpose(0, 1)
     for states in path:
         yield states[0], (states[1:] - states[0]) / DIFFERENCE
-
-
-def _observed_tangents(operator: ObservationOperator, state: Tensor, moved: Tensor) -> Tensor:
-    """Return ``H'(u)δu`` of every mode, ``(mode, sensor)``, by differences: H may be nonlinear."""
-    largest, scale = moved.abs().flatten(1).amax(dim=1).clamp(min=1e-300), state.abs().max()
-    # A state of zero has no scale; that of a mode is its prior std.
-    small = DIFFERENCE * (scale / largest if scale > 0 else torch.ones_like(largest))
-    steps = small.reshape(-1, *(1,) * (moved.dim() - 1))
-    change: Tensor = operator(state + steps * moved) - operator(state[None])
-    return change / small[:, None]
