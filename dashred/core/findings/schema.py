@@ -87,6 +87,13 @@ class Comparison(TypedDict):
     worse: bool
 
 
+FaultContradiction = Literal["no-better-than-mean", "other-sensors"]
+"""How held-out data contradict that only sensors err.
+
+The simulation predicts no held-out data better than their mean does, or it disagrees with sensors
+that no fit has used.
+"""
+
 LARGEST_OWN_ERROR = 1e6
 """From this numerical error on, one of the two simulations that are compared is not finite."""
 
@@ -112,6 +119,8 @@ class Fit(HeldOut):
     `comparisons` tell whether held-out data support the law.
     `misfit_at_test_sensors` is the RMSE of the corrected simulator at each test sensor, in
     standard deviations of the residuals at the fitted sensors.
+    `faults_contradicted` tells how held-out data contradict that only sensors err. It is null if
+    they do not, or if something else was found.
     """
 
     comparisons: list[Comparison]
@@ -127,6 +136,7 @@ class Fit(HeldOut):
     chi2: float | None
     unexplained: float | None
     misfit_at_test_sensors: dict[str, float] | None
+    faults_contradicted: NotRequired[FaultContradiction | None]
 
 
 class Proposal(TypedDict):

@@ -9,14 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from statistics import median
 
 import numpy as np
 from scipy.stats import t as student
 
-from dashred.core.findings.cause_schema import Cause, Verdict
 from dashred.core.findings.schema import Comparison, HeldOutData
-from dashred.inference.fit.law import Law
 from dashred.pipeline.verification.held_out import HeldOutPredictions, pooled_rmse
 from dashred.pipeline.verification.predictions import Array, Predictions
 
@@ -28,15 +25,8 @@ LEVEL = 0.99
 # Errors in standard deviations count as this at most, so that no single sample decides.
 MAX_ERROR = 10.0
 # If the system is chaotic, runs are compared until their errors are as large as this, in standard
-# deviations of the readings.
+# deviations of the readings: that of the readings' mean.
 SATURATED = 1.0
-# If only sensors err, the error at a test sensor is below this many standard deviations of noise.
-# The uncertainty of the start adds to it.
-MAX_MISFIT = 3.0
-# An error in held-out time of less than this many standard deviations of noise is noise alone.
-NOISE_ALONE = 1.2
-# A verdict that states a law may be rejected by held-out data.
-LAWS: tuple[Verdict, ...] = ("missing-term", "parameter", "outside-library", "ambiguous")
 
 
 def compare_held_out(predictions: HeldOutPredictions) -> list[Comparison]:
@@ -56,44 +46,6 @@ def compare_held_out(predictions: HeldOutPredictions) -> list[Comparison]:
         if compared:
             found.append(_compare(data, both, compared))
     return found
-
-
-def confirmed(
-    verdict: Verdict,
-    causes: Sequence[Cause],
-    law: Law,
-    comparisons: Sequence[Comparison],
-    misfits: Mapping[str, float],
-    is_local: bool,
-    noise: float,
-) -> Verdict:
-    """Return the verdict; ``unconfirmed`` if the held-out data contradict it.
-
-    That an effect is outside of the library is not contradicted by the failure of the nearest law.
-
-    If only sensors err, the simulator is right. It then agrees with the sensors that no fit has
-    used. One of these may err itself, but not beside a fitted sensor that errs. It also predicts
-    the sound sensors better than a constant would.
-
-    Args:
-        verdict: states a law, or that only sensors err, or something else.
-        causes: of the verdict, the leading one first.
-        law: the best law.
-        comparisons: of the held-out data.
-        misfits: of the test sensors, as returned by :func:`misfits_at_sensors`.
-        is_local: whether sensors that no fit has used err next to fitted sensors that err.
-        noise: σ of the sensors, in standard deviations of their readings.
-    """
-    if verdict == "outside-library" and "terms" not in causes[0]:
-        return verdict
-    if verdict in LAWS and law.candidates:
-        return "unconfirmed" if any(c["worse"] for c in comparisons) else verdict
-    if verdict != "sensor-fault":
-        return verdict
-    is_missed = bool(misfits) and median(misfits.values()) > MAX_MISFIT
-    useless = max(SATURATED, NOISE_ALONE * noise)
-    predicts = not comparisons or any(c["after"] < useless for c in comparisons)
-    return "unconfirmed" if is_missed or is_local or not predicts else verdict
 
 
 def misfits_at_sensors(

@@ -47,11 +47,8 @@ from dashred.pipeline.outputs.estimator_file import whole_recording, write_estim
 from dashred.pipeline.outputs.field_files import episodes_dataset
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.numerical_error import numerical_error, sufficient_step
-from dashred.pipeline.verification.comparison import (
-    compare_held_out,
-    confirmed,
-    misfits_at_sensors,
-)
+from dashred.pipeline.verification.comparison import compare_held_out, misfits_at_sensors
+from dashred.pipeline.verification.confirmation import contradiction_of_faults, is_law_contradicted
 from dashred.pipeline.verification.energy import energy_loss
 from dashred.pipeline.verification.held_out import (
     held_out_errors,
@@ -85,8 +82,12 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     misfits = misfits_at_sensors(predictions["test_sensors"], noise)
     faults = [] if kind == "not-converged" else held_out_faults(problem, analysis)
     is_local = err_next_to(problem, discovered.best.faults, faults)
-    share = float((problem.noise_of(names) / scale).median())
-    kind = confirmed(kind, causes, discovered.best, comparisons, misfits, is_local, share)
+    against = None
+    if kind == "sensor-fault":
+        share = float((problem.noise_of(names) / scale).median())
+        against = contradiction_of_faults(comparisons, misfits, is_local, share)
+    if against or is_law_contradicted(kind, causes, discovered.best, comparisons):
+        kind = "unconfirmed"
     kind, causes = with_faults(kind, causes, map(problem.fault_details, faults))
     # The residuals have the same σ in all episodes.
     law, std = discovered.best, discovered.noise.std[: len(names)]
@@ -108,6 +109,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         chi2=discovered.best.chi2,
         unexplained=left,
         misfit_at_test_sensors=misfits or None,
+        faults_contradicted=against,
         **held_out_errors(predictions),
     )
     proposed = {n: proposals(problem, f) for n, f in analysis.assimilated.proposals.items()}

@@ -11,8 +11,6 @@ from dashred.core.units import NO_UNITS, TIME, with_unit
 HUGE = 1e4
 # A ratio of errors nearer to 1 than this counts as no difference.
 SAME = 0.95
-# Error of the mean of the readings, in their standard deviations.
-OF_THE_MEAN = 1.0
 # Verdicts for a simulator that is given as snapshots: no law was fitted through it.
 UNTESTED = ("mismatch", "no-mismatch-seen")
 # Verdicts whose correction is a start or a sensor.
@@ -150,9 +148,7 @@ def contradictions(findings: Mapping[str, Any]) -> list[str]:
 def _contradicted_faults(fit: Mapping[str, Any]) -> str:
     """Return why not only sensors err."""
     likely = "It does not: an effect that the simulation lacks is more likely."
-    # None is the error of a run that blows up.
-    errors = [each["after"] for each in fit.get("comparisons", ())]
-    if errors and all(error is None or error >= OF_THE_MEAN for error in errors):
+    if fit.get("faults_contradicted") == "no-better-than-mean":
         return (
             "If only these sensors erred, the simulation would predict the others better than "
             f"their mean does. {likely}"

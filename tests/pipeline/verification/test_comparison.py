@@ -1,21 +1,16 @@
-"""Held-out data reject a law that is worse beyond the error bars, and nothing else."""
+"""The difference of the errors on held-out data, with an error bar, and misfits at sensors."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from dashred.core.findings.cause_schema import Cause, Verdict
 from dashred.core.findings.schema import Comparison
-from dashred.inference.fit.law import Law
-from dashred.pipeline.verification import comparison
 from dashred.pipeline.verification.comparison import compare_held_out, misfits_at_sensors
 from dashred.pipeline.verification.held_out import held_out_samples
 from dashred.pipeline.verification.predictions import Array, Predictions
-from tests import laws
 
 TIMES = np.linspace(0.0, 10.0, 80)
 TRUTH = np.stack([np.sin(TIMES), np.cos(1.3 * TIMES)], axis=1)
@@ -140,72 +135,6 @@ def test_a_faulty_sensor_is_corrected_for_both_runs() -> None:
     # In the table of errors, only the corrected simulator knows the fault.
     assert float(np.abs(biased.errors("simulation_refit")[:, 0]).mean()) > 0.5
     assert float(np.abs(biased.errors("corrected")[:, 0]).mean()) < 0.2
-
-
-def test_only_a_verdict_with_a_law_becomes_unconfirmed(tmp_path: Path) -> None:
-    system = laws.declared(tmp_path)
-    law = laws.law([laws.term(system, "u", "u")], [0.1])
-    worse = compared(predictions(np.full(80, 0.2), np.full(80, 0.5)))
-    better = compared(predictions(np.full(80, 0.5), np.full(80, 0.2)))
-    far = {"s1": 9.0}
-
-    def confirmed(
-        kind: Verdict,
-        law: Law,
-        comparisons: list[Comparison],
-        misfits: dict[str, float],
-        is_local: bool,
-    ) -> Verdict:
-        told: Cause = {"kind": kind, "probability": 1.0, "where": None, "terms": ["u: u"]}
-        return comparison.confirmed(kind, [told], law, comparisons, misfits, is_local, 0.01)
-
-    assert confirmed("missing-term", law, [better, worse], {}, False) == "unconfirmed"
-    assert confirmed("ambiguous", law, [worse], {}, False) == "unconfirmed"
-    assert confirmed("missing-term", law, [better], far, True) == "missing-term"
-    assert confirmed("missing-term", law, [], {}, False) == "missing-term"
-    assert confirmed("outside-library", laws.law(), [worse], far, True) == "outside-library"
-    assert confirmed("nothing-missing", laws.law(), [worse], far, True) == "nothing-missing"
-    assert confirmed("not-converged", law, [worse], far, True) == "not-converged"
-
-
-def test_an_effect_outside_of_the_library_stays_so_if_the_nearest_law_fails(
-    tmp_path: Path,
-) -> None:
-    law = laws.law([laws.term(laws.declared(tmp_path), "u", "u")], [0.1])
-    worse = compared(predictions(np.full(80, 0.2), np.full(80, 0.5)))
-    unexplained: Cause = {"kind": "outside-library", "probability": None, "where": None}
-    extended: Cause = {**unexplained, "terms": ["u: u"]}
-
-    def kind(cause: Cause) -> str:
-        return comparison.confirmed("outside-library", [cause], law, [worse], {}, False, 0.01)
-
-    assert kind(unexplained) == "outside-library"
-    assert kind(extended) == "unconfirmed"
-
-
-def test_sensor_faults_alone_are_unconfirmed_if_other_sensors_disagree() -> None:
-    def kind(misfits: dict[str, float], is_local: bool) -> str:
-        return comparison.confirmed("sensor-fault", [], laws.law(), [], misfits, is_local, 0.01)
-
-    assert kind({"s1": 9.0}, False) == "unconfirmed"
-    assert kind({"s1": np.inf, "s2": 4.0, "s3": 1.0}, False) == "unconfirmed"
-    assert kind({"s1": 1.0}, True) == "unconfirmed"
-    # A test sensor may err itself.
-    assert kind({"s1": 30.0, "s2": 1.0, "s3": 1.1}, False) == "sensor-fault"
-    assert kind({}, False) == "sensor-fault"
-
-
-@pytest.mark.parametrize(
-    ("error", "noise", "expected"),
-    [(0.4, 0.1, "sensor-fault"), (1.3, 0.5, "unconfirmed"), (1.05, 0.95, "sensor-fault")],
-)
-def test_a_simulator_that_is_no_better_than_a_constant_confirms_no_sensor_fault(
-    error: float, noise: float, expected: str
-) -> None:
-    """Of readings that are noise alone, the error is 1."""
-    same = compared(predictions(np.full(80, error), np.full(80, error)))
-    found = comparison.confirmed("sensor-fault", [], laws.law(), [same], {}, False, noise)
-    assert found == expected
 
 
 @pytest.mark.parametrize(("shift", "expected"), [(0.0, 1.0), (0.4, np.hypot(8, 1))])
