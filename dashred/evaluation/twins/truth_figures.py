@@ -65,7 +65,7 @@ def draw_truth(
     }
     places = {name: estimates[name].values for name in axes}
     if not axes:
-        gallery.save(state_traces(times, panels, {}, units), "state_truth.png")
+        gallery.save(state_traces(times, panels, units), "state_truth.png")
     elif len(axes) == 1:
         name = label_with_unit(axes[0], units.get(axes[0]))
         figure = space_time_panels(times, name, places[axes[0]], panels, {}, clock=clock)

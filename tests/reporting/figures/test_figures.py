@@ -189,7 +189,7 @@ def test_a_map_ends_where_its_points_do_and_each_cell_has_its_point_in_the_middl
 
 def test_the_truth_lies_above_the_methods_that_hide_it() -> None:
     values = np.sin(TIMES)
-    lines = state_traces(TIMES, {"u": {"truth": values, "shred": values + 0.1}}, {}).axes[0].lines
+    lines = state_traces(TIMES, {"u": {"truth": values, "shred": values + 0.1}}).axes[0].lines
     truth, shred = lines
     assert truth.get_zorder() > shred.get_zorder() and truth.get_linestyle() == "--"
     assert truth.get_linewidth() < shred.get_linewidth() < 3

@@ -8,22 +8,15 @@ from dataclasses import replace
 from dashred.core.progress import Report
 from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import growing_horizon_fits, minimise
-from dashred.inference.hypotheses.first_part import (
-    MAX_CHI2,
-    MIN_EXCESS,
-    FirstPart,
-    explains,
-    follows,
-)
+from dashred.inference.fit.levenberg_marquardt import minimise
+from dashred.inference.hypotheses.first_part import MAX_CHI2, MIN_EXCESS, FirstPart, follows
+from dashred.inference.hypotheses.follow_to_end import STEPS, TOLERANCE, follow_to_end
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit, by_score
 from dashred.inference.hypotheses.sensors.fault_fits import fit_sensor_hypotheses
 from dashred.inference.sensor_faults.fault import count_sensors
 
 # With fewer sensors it cannot be told which of them is wrong.
 MIN_SENSORS = 3
-# Growth factor of the horizon, and the fit at each.
-GROWTH, STEPS, TOLERANCE = 1.5, 4, 0.01
 
 
 def find_early_fault(
@@ -56,12 +49,8 @@ def find_early_fault(
     if not follows(best.objective, best.law.chi2 * best.objective.noise.count):
         return None
     sound = without_sensors(null, (fault.sensor for fault in best.faults))
-    last = minimise(sound.truncate(part.samples), best.phi[: null.modes], STEPS, TOLERANCE)
-    for longer in growing_horizon_fits(sound, last.phi, part.samples, GROWTH, STEPS):
-        if not follows(sound.truncate(len(longer.readings)), longer.chi2):
-            return None
-        last = longer
-    if not explains(sound, last.chi2):
+    last = follow_to_end(sound, best.phi[: null.modes], part.samples, str(best.law), report)
+    if last is None:
         return None
     return HypothesisFit(build_law(sound, last, last.cost), sound, last.phi)
 

@@ -6,8 +6,8 @@ from dashred.core.budget import OutOfTimeError
 from dashred.core.progress import Report
 from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
-from dashred.inference.fit.levenberg_marquardt import growing_horizon_fits, minimise
-from dashred.inference.hypotheses.first_part import FirstPart, explains, follows
+from dashred.inference.hypotheses.first_part import FirstPart, follows
+from dashred.inference.hypotheses.follow_to_end import follow_to_end
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.windows.screening import screen
 from dashred.inference.hypotheses.windows.windowed_hypothesis import build_problem
@@ -24,8 +24,6 @@ from dashred.inference.hypotheses.windows.windowed_laws import (
 TRIALS, FINALISTS, OF_LAW = 8, 3, 2
 # A term that acts everywhere, or two, that come so near are left to the search for a law.
 MARGIN = 20.0
-# Growth factor of the horizon, and the fit at each.
-GROWTH, STEPS, TOLERANCE = 1.5, 4, 0.01
 
 
 def find_early_window(
@@ -66,15 +64,9 @@ def find_early_window(
     report(part.samples / len(objective.recorded), f"{fit.law}, χ²/n {fit.law.chi2:.2f}")
     if not follows(first, fit.law.chi2 * first.noise.count):
         return None
-    problem, total = build_problem(objective, hypothesis), len(objective.recorded)
-    last = minimise(problem.truncate(part.samples), fit.phi, STEPS, TOLERANCE)
-    for fitted in growing_horizon_fits(problem, last.phi, part.samples, GROWTH, STEPS):
-        horizon = len(fitted.readings)
-        if not follows(problem.truncate(horizon), fitted.chi2):
-            return None
-        report(horizon / total, f"{fit.law} over {horizon} of {total} samples")
-        last = fitted
-    if not explains(problem, last.chi2):
+    problem = build_problem(objective, hypothesis)
+    last = follow_to_end(problem, fit.phi, part.samples, str(fit.law), report)
+    if last is None:
         return None
     score = last.cost + penalty_of(objective, hypothesis)
     return HypothesisFit(build_law(problem, last, score), problem, last.phi)

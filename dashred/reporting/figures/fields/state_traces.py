@@ -19,7 +19,6 @@ Trace = Float[np.ndarray, " time"]
 def state_traces(
     times: Float[np.ndarray, " time"],
     fields: Mapping[str, Mapping[str, Trace]],
-    meanings: Mapping[str, str],
     units: Mapping[str, str] = NO_UNITS,
 ) -> Figure:
     """Plot each field against time, one line per method, and below it the errors.
@@ -27,7 +26,6 @@ def state_traces(
     Args:
         times: times of the values.
         fields: values by field and method, with `truth` among the methods.
-        meanings: meaning of each field, for labels.
         units: units of the fields, and of time as `t`.
     """
     with style():
@@ -43,8 +41,7 @@ def state_traces(
                 if method != "truth":
                     errors.semilogy(times, np.abs(trace - kinds["truth"]), **line_style)
             errors.set_ylim(bottom=MIN_ERROR * (np.std(kinds["truth"]) or 1.0))
-            named = label_with_unit(field, units.get(field))
-            values.set_ylabel(f"{named}\n{meanings[field]}" if field in meanings else named)
+            values.set_ylabel(label_with_unit(field, units.get(field)))
             errors.set_ylabel("error")
         legend_above(figure, grid[0])
         grid[-1].set_xlabel(time_label(units))
