@@ -65,7 +65,7 @@ def check(config: Config, page: Page, recorded: Episodes | None = None) -> None:
     from dashred.pipeline.check.agreement import agreement_remarks
     from dashred.pipeline.check.context import build_check_context
     from dashred.pipeline.check.memory import ensemble_memory_remarks
-    from dashred.pipeline.check.recording import recording_remarks
+    from dashred.pipeline.check.recording_checks.recording import recording_remarks
     from dashred.pipeline.check.simulator_checks.ensemble import ensemble_remarks, structure_remarks
     from dashred.pipeline.check.simulator_checks.observability import (
         linearised_observations,

@@ -7,7 +7,7 @@ import pytest
 
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
-from dashred.pipeline.check.saturation import saturated
+from dashred.pipeline.check.recording_checks.saturation import saturated
 
 TIMES = np.linspace(0.0, 39.9, 400)
 NOISY = np.sin(TIMES) + 0.01 * np.random.default_rng(0).standard_normal(len(TIMES))

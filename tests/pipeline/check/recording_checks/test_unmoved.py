@@ -14,7 +14,7 @@ from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
 from dashred.pipeline.check import command
 from dashred.pipeline.check.agreement import compare_amplitudes
-from dashred.pipeline.check.unmoved import resting, unmoved, unmoved_remarks
+from dashred.pipeline.check.recording_checks.unmoved import resting, unmoved, unmoved_remarks
 
 TIMES = np.linspace(0.0, 3.0, 61)
 PLACES = np.arange(1.0, 9.0)
