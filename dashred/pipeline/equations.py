@@ -35,7 +35,8 @@ from dashred.pipeline.run.run_tags import log_input, log_result
 from dashred.pipeline.simulation.program_cost import follows_segments
 from dashred.pipeline.simulation.resolution_check import check_corrected
 from dashred.pipeline.simulation_runs import SimulationRuns, simulate
-from dashred.pipeline.verification import verification as verify
+from dashred.pipeline.verification import findings_files
+from dashred.pipeline.verification.verification import unresolved_findings, verify
 
 # The MLflow model is logged if more than this is left of the budget.
 LOGGING_SECONDS = 15.0
@@ -181,13 +182,13 @@ def _analyse_problem(problem: Problem) -> Path:
 
         analysis = discover(simulated, run, checkpoints, seconds)
         if isinstance(analysis, Resolution):
-            findings = verify.unresolved_findings(problem, analysis)
-            verify.freeze_findings(output, findings, [])
+            findings = unresolved_findings(problem, analysis)
+            findings_files.freeze_findings(output, findings, [])
             figures = report.report_unresolved(findings, output)
         else:
             problem = with_fitted_readings(problem, analysis.discovery.best)
-            findings = verify.verify(problem, analysis)
-            verify.write_findings(problem, analysis, findings, output)
+            findings = verify(problem, analysis)
+            findings_files.write_findings(problem, analysis, findings, output)
             figures = report.report(problem, analysis, findings, output, seconds)
             # Not in the list of what was left out: it changes nothing in the findings.
             if config.tracking.model and problem.budget.left > LOGGING_SECONDS:

@@ -30,7 +30,7 @@ from dashred.pipeline.run.checkpoints import NoCheckpoints
 from dashred.pipeline.run.output_dir import clear_output, named_output
 from dashred.pipeline.run.provenance import write_record, write_summary
 from dashred.pipeline.snapshots import black_box, black_box_findings, black_box_report
-from dashred.pipeline.verification import verification
+from dashred.pipeline.verification import findings_files, verification
 
 Write = Callable[[Path], object]
 
@@ -67,13 +67,13 @@ def _discover_with_equations(problem: Problem, seconds: dict[str, float]) -> Res
     problem = replace(problem, budget=Budget())
 
     def write(folder: Path) -> None:
-        verification.write_findings(problem, analysis, findings, folder)
+        findings_files.write_findings(problem, analysis, findings, folder)
         report.report(problem, analysis, findings, folder, {})
 
     return Result(
         findings=canonical(findings),
-        estimates=verification.estimates_dataset(problem, analysis),
-        forecast=verification.forecast_dataset(problem, analysis),
+        estimates=findings_files.estimates_dataset(problem, analysis),
+        forecast=findings_files.forecast_dataset(problem, analysis),
         build_corrected=partial(_corrected_simulator, problem, analysis, findings),
         figures=figures_of(problem, analysis, findings),
         main_effects=report.main_effects(problem, findings),
@@ -83,7 +83,7 @@ def _discover_with_equations(problem: Problem, seconds: dict[str, float]) -> Res
 
 def _unresolved_result(problem: Problem, findings: Findings, seconds: dict[str, float]) -> Result:
     def write(folder: Path) -> None:
-        verification.freeze_findings(folder, findings, [])
+        findings_files.freeze_findings(folder, findings, [])
         report.report_unresolved(findings, folder)
 
     return Result(

@@ -16,9 +16,11 @@ from dashred.pipeline.outputs.field_files import fields_dataset
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.snapshots.black_box_analysis import BlackBoxAnalysis, full_record
 from dashred.pipeline.snapshots.mismatch import ErrorComparison
+from dashred.pipeline.verification.findings_files import freeze_findings
+from dashred.pipeline.verification.findings_input import build_input
 from dashred.pipeline.verification.held_out import relative_rmse
 from dashred.pipeline.verification.spent_budget import note_budget
-from dashred.pipeline.verification.verification import build_input, freeze_findings, proposals
+from dashred.pipeline.verification.verification import proposals
 from dashred.reporting.text.causes import limits_of_snapshots
 from dashred.reporting.wording.findings_text import add_text
 

@@ -1,28 +1,19 @@
-"""Compute the errors on held-out data, build the findings and freeze them."""
+"""Compute the errors on held-out data and build the findings."""
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import torch
-import xarray as xr
 
-from dashred.config import config_sha256, frozen_input
-from dashred.core.files.atomic import write_netcdf_atomic
 from dashred.core.findings.cause_schema import Cause
-from dashred.core.findings.findings import freeze, versions, write_json_atomic
 from dashred.core.findings.schema import (
-    EpisodeSplit,
     Findings,
     Fit,
-    Input,
     Latent,
     LatentSindy,
     PathStep,
     Proposal,
-    Splits,
     new_findings,
 )
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
@@ -39,17 +30,12 @@ from dashred.inference.results.verdict import unexplained_share, verdict, with_f
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
-from dashred.pipeline.outputs.corrected_config import write_corrected
-from dashred.pipeline.outputs.corrected_fmu import NAME as FMU
-from dashred.pipeline.outputs.corrected_fmu import write_corrected_fmu
-from dashred.pipeline.outputs.estimator_file import NAME as ESTIMATOR
-from dashred.pipeline.outputs.estimator_file import whole_recording, write_estimator
-from dashred.pipeline.outputs.field_files import episodes_dataset
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.numerical_error import numerical_error, sufficient_step
 from dashred.pipeline.verification.comparison import compare_held_out, misfits_at_sensors
 from dashred.pipeline.verification.confirmation import contradiction_of_faults, is_law_contradicted
 from dashred.pipeline.verification.energy import energy_loss
+from dashred.pipeline.verification.findings_input import build_input
 from dashred.pipeline.verification.held_out import (
     held_out_errors,
     held_out_samples,
@@ -59,11 +45,7 @@ from dashred.pipeline.verification.held_out_faults import err_next_to, held_out_
 from dashred.pipeline.verification.sensor_noise import noise_of_sensors
 from dashred.pipeline.verification.spent_budget import blame_budget, note_budget
 from dashred.pipeline.verification.structure import structure_change
-from dashred.reporting.text.improvement import is_confirmed
 from dashred.reporting.wording.findings_text import add_text
-
-# The remark in the corrected configuration of an explanation that held-out data contradict.
-UNCONFIRMED = "The held-out data contradict this explanation: it is suggested, but not confirmed."
 
 
 def verify(problem: Problem, analysis: Analysis) -> Findings:
@@ -206,113 +188,6 @@ def unresolved_findings(problem: Problem, resolution: Resolution) -> Findings:
     )
     note_budget(findings, problem.budget)
     return add_text(findings, problem.system)
-
-
-def write_findings(problem: Problem, analysis: Analysis, findings: Findings, output: Path) -> None:
-    """Write the fields, the corrected configuration, the estimator and the findings; freeze all."""
-    write_netcdf_atomic(output / "estimates.nc", estimates_dataset(problem, analysis))
-    write_netcdf_atomic(output / "forecast.nc", forecast_dataset(problem, analysis))
-    others = ["estimates.nc", "forecast.nc"]
-    if findings["corrected"] is not None:
-        law = analysis.discovery.best
-        sha256 = problem.recording_sha256
-        remark = "" if is_confirmed(findings) else UNCONFIRMED
-        hidden = problem.hidden
-        told = write_corrected_fmu(output / FMU, problem, law, analysis.trajectories, remark)
-        if (output / FMU).is_file():
-            others.append(FMU)
-        remark = " ".join(filter(None, (remark, told)))
-        path = output / CORRECTED
-        dt = analysis.trajectories.shortest_dt
-        write_corrected(path, problem.config, problem.system, law, sha256, remark, hidden, dt)
-        others.append(CORRECTED)
-        network, recording = analysis.corrected_network.shred, whole_recording(problem.split)
-        write_estimator(
-            output / ESTIMATOR,
-            recording,
-            [axis.name for axis in problem.system.axes],
-            problem.split.roles,
-            noise_of_sensors(problem, analysis, recording.names),
-            network,
-            problem.config.shred.lags,
-        )
-        others.append(ESTIMATOR)
-    freeze_findings(output, findings, others)
-
-
-def estimates_dataset(problem: Problem, analysis: Analysis) -> xr.Dataset:
-    """Return the fields by method over the fit window of every episode."""
-    fields = []
-    for episode, part in analysis.episodes(problem):
-        count = len(episode.split.fit.times)
-        fields.append((episode, episode.times[:count], part.estimates(count)))
-    return episodes_dataset(fields)
-
-
-def forecast_dataset(problem: Problem, analysis: Analysis) -> xr.Dataset:
-    """Return the free runs beyond the recording, of every episode."""
-    free = analysis.trajectories
-    runs = zip((*problem.episodes, *problem.whole), (free, *free.others, *free.whole), strict=True)
-    forecasts = []
-    for episode, run in runs:
-        ahead = slice(run.recorded, len(run.times))
-        forecasts.append((episode, run.times[ahead], run.over(ahead)))
-    return episodes_dataset(forecasts)
-
-
-def freeze_findings(output: Path, findings: Findings, others: list[str]) -> None:
-    """Write ``findings.json`` and freeze its hash before any seal can be opened."""
-    write_json_atomic(output / "findings.json", findings)
-    freeze(output, others)
-
-
-def build_input(problem: Problem) -> Input:
-    """Return the record of everything that determines the findings."""
-    split, config = problem.split, problem.config
-    sizes = {
-        equation: sum(term.equation == equation for term in problem.library)
-        for equation in problem.system.fields
-    }
-    splits = Splits(
-        inputs=list(split.inputs),
-        extra=list(split.extra),
-        validate=list(split.validate),
-        test=list(split.test),
-        time_end=split.time_end,
-        note=f"{split.note} Clock: {problem.clock}",
-    )
-    if problem.others:
-        splits["episodes"] = _episodes(problem)
-    source = Input(
-        config=json.loads(json.dumps(frozen_input(config))),
-        config_sha256=config_sha256(config),
-        recording_sha256=problem.recording_sha256,
-        seed=config.seed,
-        versions=versions(),
-        library_size=sizes,
-        splits=splits,
-    )
-    if problem.left_out:
-        source["library_left_out"] = {
-            f"{term.equation}: {term}": why if isinstance(why, str) else f"is {why} times a number"
-            for term, why in problem.left_out.items()
-        }
-    return source
-
-
-def _episodes(problem: Problem) -> list[EpisodeSplit]:
-    """Return the fitted and held-out times of every episode."""
-    every = [*((p, False) for p in problem.episodes), *((p, True) for p in problem.whole)]
-    return [
-        EpisodeSplit(
-            name=episode.name,
-            begin=float(episode.times[0]),
-            end=float(episode.times[-1]),
-            time_end=episode.split.time_end,
-            held_out_whole=held_out,
-        )
-        for episode, held_out in every
-    ]
 
 
 def proposals(problem: Problem, fit: SparseFit) -> LatentSindy:

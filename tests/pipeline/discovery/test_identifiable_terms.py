@@ -15,7 +15,7 @@ from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import simulate_nominal
 from dashred.pipeline.simulation.state_samples import StateSamples, state_samples
-from dashred.pipeline.verification.verification import build_input
+from dashred.pipeline.verification.findings_input import build_input
 
 TEXT = """
 system:

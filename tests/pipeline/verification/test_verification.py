@@ -13,6 +13,7 @@ from dashred.physics.system import System
 from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.outputs import field_files
 from dashred.pipeline.verification import held_out, verification
+from dashred.pipeline.verification.findings_input import build_input
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +69,7 @@ def test_estimates_are_written_by_method_on_the_grid(problem, tmp_path) -> None:
 
 
 def test_the_sources_name_every_sensor_once(problem) -> None:
-    splits = verification.build_input(problem)["splits"]
+    splits = build_input(problem)["splits"]
     assert splits is not None
     roles = [splits["inputs"], splits["extra"], splits["validate"], splits["test"]]
     assert sorted(name for role in roles for name in role) == [f"s{i}" for i in range(1, 7)]
