@@ -1,4 +1,4 @@
-"""Formatting of numbers and terms for printing."""
+"""Formatting of numbers, terms and sentences for printing."""
 
 from __future__ import annotations
 
@@ -61,6 +61,11 @@ def joined(parts: Sequence[str]) -> str:
     """Return parts as a list in a sentence: ``X``, ``X and G``, or ``X, G and W``."""
     *most, last = parts
     return f"{', '.join(most)} and {last}" if most else last
+
+
+def sentence(text: str) -> str:
+    """Return the text with a capital and a full stop."""
+    return f"{text[:1].upper()}{text[1:].rstrip('.')}."
 
 
 def with_error(value: float, std: float) -> str:

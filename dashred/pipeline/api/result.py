@@ -13,8 +13,8 @@ from dashred.pipeline.api.plots import Plots
 from dashred.pipeline.api.simulator import Simulator
 from dashred.pipeline.outputs.figures import Figures
 from dashred.reporting.page.html import notebook_html
+from dashred.reporting.text.laws import law
 from dashred.reporting.text.summary import summary
-from dashred.reporting.text.verdict import law
 
 if TYPE_CHECKING:
     import pandas as pd

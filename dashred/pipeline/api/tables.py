@@ -8,7 +8,8 @@ from typing import Any
 import pandas as pd
 
 from dashred.reporting.text.improvement import has_probabilities
-from dashred.reporting.text.verdict import alternative_text, extent
+from dashred.reporting.text.laws import alternative_text
+from dashred.reporting.text.regions import extent
 
 TERMS = (
     *("equation", "term", "coefficient", "std", "low", "high", "unit"),

@@ -15,7 +15,7 @@ from dashred.config import Config
 from dashred.config.layers import written_out
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.hidden_state_schema import HiddenStateFound
-from dashred.core.formatting import PLUS_MINUS
+from dashred.core.formatting import PLUS_MINUS, sentence
 from dashred.data.stated.fitted_delays import delay_parameter
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import build_corrected_system
@@ -28,7 +28,6 @@ from dashred.physics.hidden_state import HiddenState, without_hidden_state
 from dashred.physics.system import System
 from dashred.reporting.text.fitted_parameters import TITLE, fitted_parameter_text
 from dashred.reporting.text.hidden_state import hidden_state_text
-from dashred.reporting.text.verdict import sentence
 from dashred.reporting.wording.findings_text import law_text
 
 NAME = "corrected.yaml"

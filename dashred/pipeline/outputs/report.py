@@ -19,8 +19,8 @@ from dashred.reporting.figures.figure_names import (
 )
 from dashred.reporting.figures.gallery import Gallery
 from dashred.reporting.page import html
+from dashred.reporting.text.laws import main_terms
 from dashred.reporting.text.summary import summary
-from dashred.reporting.text.verdict import main_terms
 from dashred.reporting.wording.findings_text import describe
 
 

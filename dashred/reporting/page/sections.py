@@ -5,12 +5,12 @@ from typing import Any
 
 from dashred.core.findings.cause_schema import NONE_OF_THESE
 from dashred.core.findings.methods import AT_SENSORS, method_label
-from dashred.core.formatting import number, percent, pretty, rounded
+from dashred.core.formatting import number, percent, pretty, rounded, sentence
 from dashred.core.units import format_unit
 from dashred.reporting.page.views import Table
 from dashred.reporting.text.causes import NOISE_RATIO, noise_ratio
 from dashred.reporting.text.improvement import count_text, has_probabilities, resolution_warning
-from dashred.reporting.text.verdict import alternative_text, sentence
+from dashred.reporting.text.laws import alternative_text
 
 HELD_OUT = {
     "test_sensors": "test sensors",

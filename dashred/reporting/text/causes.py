@@ -14,6 +14,8 @@ EXTENDED = (
     "higher powers and waves in space or time, does"
 )
 LEAST_CHANCE = 0.001
+# A less probable cause is not reported.
+LIKELY = 0.05
 # Residuals larger than the noise by less than this factor count as noise, which is an estimate.
 NOISE_RATIO = 1.2
 LIMITS_OF_SNAPSHOTS = (
@@ -178,3 +180,11 @@ def _missed(errors: Mapping[str, Any]) -> str:
         f"{errors['error']:.3g} standard deviations, compared with {min(usual):.3g} to "
         f"{max(usual):.3g} in {len(usual)} unseen stretches of the snapshots"
     )
+
+
+def reported_causes(findings: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the leading cause and the faulty sensors; if ambiguous, all probable causes."""
+    known = findings["causes"] or []
+    if findings["verdict"] != "ambiguous":
+        return [*known[:1], *fault_causes(known[1:])]
+    return [cause for cause in known if cause["probability"] >= LIKELY]

@@ -10,7 +10,7 @@ from typing import Any
 from dashred.core.findings.law_schema import FittedParameter
 from dashred.core.formatting import number, with_error
 from dashred.core.units import with_unit
-from dashred.reporting.text.verdict import FEW
+from dashred.reporting.text.laws import FEW
 
 TITLE = "Fitted parameters"
 # The recording determines a value if its standard deviation is at most this share of the spread,

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from dashred.core.formatting import number
+from dashred.core.formatting import number, sentence
 from dashred.core.units import NO_UNITS
 from dashred.reporting.text.causes import cause_text, fault_causes
 from dashred.reporting.text.fitted_parameters import values_in_a_row
@@ -18,9 +18,9 @@ from dashred.reporting.text.improvement import (
     is_unsupported,
     names_nearest_law,
 )
+from dashred.reporting.text.laws import FEW
 from dashred.reporting.text.parameters import short_parameter_text
-from dashred.reporting.text.sources import short_source_text
-from dashred.reporting.text.verdict import FEW, located_source, sentence
+from dashred.reporting.text.sources import located_source, short_source_text
 
 PLACES = {
     "test_sensors": "at sensors not used in any fit",

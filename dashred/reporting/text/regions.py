@@ -4,9 +4,10 @@ A region that crosses the end of a periodic axis is written in two parts: ``x > 
 """
 
 from collections.abc import Mapping
+from typing import Any
 
 from dashred.core.findings.law_schema import ActiveStates, Region
-from dashred.core.formatting import Z95, number, percent, rounded
+from dashred.core.formatting import Z95, joined, number, percent, rounded
 from dashred.core.units import NO_UNITS, with_unit
 
 
@@ -56,3 +57,24 @@ def states_text(states: ActiveStates, units: Mapping[str, str], *, in_space: boo
     domain = "of space and time" if in_space else "of the time"
     carries = f"({percent(states['share'])} {domain}, {percent(states['carried'])} of the effect)"
     return f"{label} {sign} {with_unit(value, units.get(field))} {carries}"
+
+
+def location(where: Mapping[str, Any] | None, units: Mapping[str, str]) -> list[str]:
+    """Return in which equations, and where and when, the law acts."""
+    if where is None:
+        return []
+    shares = sorted(where["equation"].items(), key=lambda item: -item[1])
+    acting = [(field, share) for field, share in shares if share] or shares
+    equations = f"the equation of {acting[0][0]}"
+    if len(acting) > 1:
+        listed = [f"{field} ({percent(share)})" for field, share in acting]
+        equations = f"the equations of {joined(listed)}"
+    return [f"It acts in {equations}, {extent(where, units)}."]
+
+
+def extent(where: Mapping[str, Any], units: Mapping[str, str] = NO_UNITS) -> str:
+    """Return ``for 10.1 < x < 16.0 (± 0.1)``, ``where u > 1.76 (…)``, or ``everywhere``."""
+    if where["region"]:
+        [region] = where["region"]
+        return f"for {bounds(region, units)}"
+    return f"where {where['regime']}" if where["regime"] else "everywhere"

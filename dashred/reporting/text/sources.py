@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
-from dashred.core.formatting import Z95, percent, rounded, with_error
+from dashred.core.formatting import Z95, percent, rounded, sentence, with_error
 from dashred.core.units import NO_UNITS, TIME, with_unit
+from dashred.reporting.text.causes import reported_causes
 
 
 def source_text(source: Mapping[str, Any], units: Mapping[str, str] = NO_UNITS) -> str:
@@ -65,3 +66,48 @@ def _course(source: Mapping[str, Any], units: Mapping[str, str]) -> str:
         begin = with_error(source["begin"], source["begin_std"])
         return f", that begins at time {with_unit(begin, units.get(TIME))}"
     return ""
+
+
+def located_source(findings: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """Return the localised source of the findings, if there is one."""
+    found: Mapping[str, Any] | None = (findings["where"] or {}).get("source")
+    return found
+
+
+def source(findings: Mapping[str, Any]) -> list[str]:
+    """Return the localised source, or where the force is largest that no law explains."""
+    units = findings.get("units", NO_UNITS)
+    if found := located_source(findings):
+        return [sentence(source_text(found, units))]
+    forcing = (findings["where"] or {}).get("forcing")
+    is_unexplained = any("gain" in cause for cause in reported_causes(findings))
+    if forcing is None or not is_unexplained:
+        return []
+    if not forcing["peak"]:
+        return _force_in_time(forcing)
+    peak = " and ".join(
+        f"{axis} = {with_unit(f'{place:.3g}', units.get(axis))}"
+        for axis, place in zip(_axes(findings), forcing["peak"], strict=True)
+    )
+    return [f"The force that the simulation lacks is largest about {peak}."]
+
+
+def _force_in_time(forcing: Mapping[str, Any]) -> list[str]:
+    """Return in which equations a force of a system without axes acts, and when most."""
+    size = {
+        field: [abs(value) for value in cells[0]] for field, cells in forcing["amplitude"].items()
+    }
+    acting = [field for field, values in size.items() if any(values)]
+    if not acting:
+        return []
+    largest = max(acting, key=lambda field: max(size[field]))
+    when = forcing["times"][size[largest].index(max(size[largest]))]
+    equations = "equation" if len(acting) == 1 else "equations"
+    return [
+        f"The force that the simulation lacks acts in the {equations} of {' and '.join(acting)}, "
+        f"and is largest about t = {when:.4g}."
+    ]
+
+
+def _axes(findings: Mapping[str, Any]) -> list[str]:
+    return list(findings["input"]["config"]["system"]["axes"])

@@ -4,11 +4,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from dashred.core.findings.methods import AT_SENSORS, method_label
-from dashred.core.formatting import PLUS_MINUS
+from dashred.core.formatting import PLUS_MINUS, sentence
 from dashred.core.units import NO_UNITS, TIME, with_unit
 from dashred.reporting.text.fitted_parameters import TITLE, fitted_parameter_lines
 from dashred.reporting.text.improvement import count_text
-from dashred.reporting.text.verdict import sentence, verdict_lines
+from dashred.reporting.text.verdict import verdict_lines
 
 if TYPE_CHECKING:
     from rich.console import Console

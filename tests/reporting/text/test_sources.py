@@ -8,9 +8,8 @@ import pytest
 
 from dashred.core.findings.law_schema import Region
 from dashred.reporting.text.headline import headline
-from dashred.reporting.text.regions import bounds, region_text
-from dashred.reporting.text.sources import short_source_text, source_text
-from dashred.reporting.text.verdict import location, source
+from dashred.reporting.text.regions import bounds, location, region_text
+from dashred.reporting.text.sources import short_source_text, source, source_text
 
 SOURCE: dict[str, Any] = {
     "equation": "c",

@@ -25,7 +25,7 @@ from dashred.reporting.figures.style import (
     new_figure,
     style,
 )
-from dashred.reporting.text.verdict import extent
+from dashred.reporting.text.regions import extent
 
 MAX_SENSORS = 18
 WITHOUT, WITH = "without the law", "with the law"
