@@ -13,7 +13,7 @@ import math
 import torch
 from torch import Tensor
 
-from dashred.core.findings.schema import LARGEST_OWN_ERROR
+from dashred.core.findings.fit_schema import LARGEST_OWN_ERROR
 from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.fit.law import Law
 from dashred.inference.results.corrected_system import build_corrected_system

@@ -10,7 +10,8 @@ import xarray as xr
 
 from dashred.core.files.atomic import write_netcdf_atomic
 from dashred.core.findings.cause_schema import Cause, Verdict
-from dashred.core.findings.schema import Findings, Fit, Latent, errors_by_method, new_findings
+from dashred.core.findings.fit_schema import Fit, errors_by_method
+from dashred.core.findings.schema import Findings, Latent, new_findings
 from dashred.data.recording import Recording
 from dashred.pipeline.outputs.field_files import fields_dataset
 from dashred.pipeline.problem import Problem

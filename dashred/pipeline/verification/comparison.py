@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.stats import t as student
 
-from dashred.core.findings.schema import Comparison, HeldOutData
+from dashred.core.findings.fit_schema import Comparison, HeldOutData
 from dashred.pipeline.verification.held_out import HeldOutPredictions, pooled_rmse
 from dashred.pipeline.verification.predictions import Array, Predictions
 

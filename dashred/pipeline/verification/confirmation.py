@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from statistics import median
 
 from dashred.core.findings.cause_schema import Cause, Verdict
-from dashred.core.findings.schema import Comparison, FaultContradiction
+from dashred.core.findings.fit_schema import Comparison, FaultContradiction
 from dashred.inference.fit.law import Law
 from dashred.pipeline.verification.comparison import SATURATED
 

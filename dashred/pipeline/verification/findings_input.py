@@ -6,7 +6,7 @@ import json
 
 from dashred.config import config_sha256, frozen_input
 from dashred.core.findings.findings import versions
-from dashred.core.findings.schema import EpisodeSplit, Input, Splits
+from dashred.core.findings.input_schema import EpisodeSplit, Input, Splits
 from dashred.pipeline.problem import Problem
 
 

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 from torch import Tensor
 
+from dashred.core.findings.fit_schema import HeldOut, HeldOutData, errors_by_method
 from dashred.core.findings.methods import AT_SENSORS
-from dashred.core.findings.schema import HeldOut, HeldOutData, errors_by_method
 from dashred.data.recording import Recording
 from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.problem import Problem

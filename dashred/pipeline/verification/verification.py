@@ -7,9 +7,9 @@ from dataclasses import replace
 import torch
 
 from dashred.core.findings.cause_schema import Cause
+from dashred.core.findings.fit_schema import Fit
 from dashred.core.findings.schema import (
     Findings,
-    Fit,
     Latent,
     LatentSindy,
     PathStep,

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from dashred.core.findings.schema import LARGEST_OWN_ERROR
+from dashred.core.findings.fit_schema import LARGEST_OWN_ERROR
 from dashred.core.formatting import number, rounded
 from dashred.core.units import NO_UNITS, TIME, with_unit
 

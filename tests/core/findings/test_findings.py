@@ -19,8 +19,10 @@ from dashred.core.findings.findings import (
     versions,
     write_json_atomic,
 )
+from dashred.core.findings.fit_schema import errors_by_method
+from dashred.core.findings.input_schema import Input
 from dashred.core.findings.methods import current_names, with_deprecated
-from dashred.core.findings.schema import Findings, Input, errors_by_method, new_findings
+from dashred.core.findings.schema import Findings, new_findings
 
 SOURCE = Input(
     config={"seed": 1},

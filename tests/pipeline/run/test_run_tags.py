@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from dashred.core.findings.schema import errors_by_method, new_findings
+from dashred.core.findings.fit_schema import errors_by_method
+from dashred.core.findings.schema import new_findings
 from dashred.pipeline.run.run_tags import headline_metrics, note, short_verdict
 
 

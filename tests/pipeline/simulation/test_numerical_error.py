@@ -10,7 +10,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.core.findings.schema import LARGEST_OWN_ERROR
+from dashred.core.findings.fit_schema import LARGEST_OWN_ERROR
 from dashred.data.sensors import Sensor
 from dashred.inference.fit.law import Law
 from dashred.physics.system import System

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from dashred.config import load_config
-from dashred.core.findings.schema import Comparison
+from dashred.core.findings.fit_schema import Comparison
 from dashred.inference.fit.law import Law
 from dashred.physics.runs.initial_state_prior import StartPrior, field_rms
 from dashred.physics.solvers.simulate import simulate

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dashred.core.findings.schema import Comparison
+from dashred.core.findings.fit_schema import Comparison
 from dashred.pipeline.verification.comparison import compare_held_out, misfits_at_sensors
 from dashred.pipeline.verification.held_out import held_out_samples
 from dashred.pipeline.verification.predictions import Array, Predictions

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dashred.core.findings.cause_schema import Cause, Verdict
-from dashred.core.findings.schema import Comparison, FaultContradiction
+from dashred.core.findings.fit_schema import Comparison, FaultContradiction
 from dashred.pipeline.verification.confirmation import contradiction_of_faults, is_law_contradicted
 from tests import laws
 

@@ -10,7 +10,9 @@ from typing import Any
 import pytest
 
 from dashred.core.findings.cause_schema import Cause
-from dashred.core.findings.schema import Fit, Input, errors_by_method, new_findings
+from dashred.core.findings.fit_schema import Fit, errors_by_method
+from dashred.core.findings.input_schema import Input
+from dashred.core.findings.schema import new_findings
 from dashred.pipeline.api.tables import terms_table
 from dashred.reporting.page import html
 from dashred.reporting.page.html import write_html

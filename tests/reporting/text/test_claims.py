@@ -5,7 +5,9 @@ from typing import Any
 
 import pytest
 
-from dashred.core.findings.schema import Comparison, Fit, Input, errors_by_method, new_findings
+from dashred.core.findings.fit_schema import Comparison, Fit, errors_by_method
+from dashred.core.findings.input_schema import Input
+from dashred.core.findings.schema import new_findings
 from dashred.reporting.page.html import page
 from dashred.reporting.text.causes import cause_text
 from dashred.reporting.text.headline import headline

@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
+from dashred.core.findings.input_schema import Input
 from dashred.core.findings.law_schema import FittedParameter
-from dashred.core.findings.schema import Input, new_findings
+from dashred.core.findings.schema import new_findings
 from dashred.pipeline.api.tables import fitted_parameters_table
 from dashred.reporting.page.html import notebook_html, page
 from dashred.reporting.text.fitted_parameters import fitted_parameter_lines

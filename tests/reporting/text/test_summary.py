@@ -6,15 +6,9 @@ from typing import Any
 from rich.console import Console
 
 from dashred.core.findings.cause_schema import Cause
-from dashred.core.findings.schema import (
-    Fit,
-    Input,
-    Latent,
-    LatentSindy,
-    Splits,
-    errors_by_method,
-    new_findings,
-)
+from dashred.core.findings.fit_schema import Fit, errors_by_method
+from dashred.core.findings.input_schema import Input, Splits
+from dashred.core.findings.schema import Latent, LatentSindy, new_findings
 from dashred.reporting.page.html import page
 from dashred.reporting.text.summary import print_summary, summary
 
