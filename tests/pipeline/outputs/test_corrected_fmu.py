@@ -24,7 +24,7 @@ from dashred.pipeline.outputs import corrected_fmu
 from dashred.pipeline.outputs.corrected_config import write_corrected
 from tests import laws
 from tests.physics.external.adapters.fmu.build import build
-from tests.pipeline.test_episodes_run import SMALL, findings_of
+from tests.pipeline.whole_runs.test_episodes_run import SMALL, findings_of
 
 TEXT = """
 system:

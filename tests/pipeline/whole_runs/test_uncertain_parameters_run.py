@@ -9,7 +9,13 @@ import numpy as np
 import pytest
 import yaml
 
-from tests.pipeline.test_episodes_run import OSCILLATOR, SIGMA, STARTS, damped, findings_of
+from tests.pipeline.whole_runs.test_episodes_run import (
+    OSCILLATOR,
+    SIGMA,
+    STARTS,
+    damped,
+    findings_of,
+)
 
 pytestmark = pytest.mark.slow
 

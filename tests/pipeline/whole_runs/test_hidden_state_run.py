@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from tests.pipeline.discovery.segments.test_hidden_state_stage import GAIN, MUG, TAU, TIMES, water
-from tests.pipeline.test_episodes_run import SMALL, findings_of
+from tests.pipeline.whole_runs.test_episodes_run import SMALL, findings_of
 
 pytestmark = pytest.mark.slow
 

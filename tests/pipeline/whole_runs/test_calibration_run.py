@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from tests.pipeline.test_episodes_run import SMALL, findings_of
+from tests.pipeline.whole_runs.test_episodes_run import SMALL, findings_of
 
 pytestmark = pytest.mark.slow
 

@@ -19,7 +19,7 @@ from dashred.physics.system import System
 from tests.conftest import CHECKOUT, Run
 from tests.documents import snippets
 from tests.physics.grids.test_stencils import scattered
-from tests.pipeline.test_episodes_run import SMALL, findings_of
+from tests.pipeline.whole_runs.test_episodes_run import SMALL, findings_of
 
 pytestmark = pytest.mark.slow
 

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from scipy.integrate import solve_ivp
 
-from tests.pipeline.test_episodes_run import findings_of
+from tests.pipeline.whole_runs.test_episodes_run import findings_of
 
 pytestmark = pytest.mark.slow
 
