@@ -151,7 +151,7 @@ def _check_containers(tree: DictConfig, values: dict[str, Any], parent: str, whe
                 if isinstance(before, ListConfig)
                 else ("a section of keys", "a list")
             )
-            raise InputError(f"{key} must be {was}, as before; got {now}", where=where(key))
+            raise InputError(f"{key} must be {was}, not {now}", where=where(key))
         if isinstance(before, DictConfig) and isinstance(value, dict):
             _check_containers(before, value, f"{key}.", where)
 

@@ -111,7 +111,7 @@ def read_text(text: str, *, label: str, key: str = "") -> tuple[Any, dict[str, s
             f"the character {chr(error.character)!r} is not allowed", where=f"{label}:{line}"
         ) from None
     except RecursionError:
-        raise InputError("nested too deeply", where=label) from None
+        raise InputError("the value is nested too deeply", where=label) from None
     reader = _Reader(label)
     value = None if node is None else reader.value(node, key)
     return value, reader.lines
@@ -212,7 +212,7 @@ class _Reader:
 
     def value(self, node: Node, key: str, *, in_flow: bool = False) -> Any:
         if key.count(".") + key.count("[") > MAX_DEPTH:
-            raise InputError("nested too deeply", where=self._line(node))
+            raise InputError("the value is nested too deeply", where=self._line(node))
         if key:
             self.lines.setdefault(key, self._line(node))
         if isinstance(node, MappingNode) and node.tag == TAG + "map":

@@ -541,8 +541,8 @@ print(code, sorted({"torch", "lightning", "mlflow", "numpy"} & set(sys.modules))
 @pytest.mark.parametrize(
     ("first", "second", "expected"),
     [
-        ("[]", "{a: b}", "must be a list, as before; got a section of keys"),
-        ("{a: 1}", "[s1]", "must be a section of keys, as before; got a list"),
+        ("[]", "{a: b}", "must be a list, not a section of keys"),
+        ("{a: 1}", "[s1]", "must be a section of keys, not a list"),
     ],
 )
 def test_a_list_and_a_section_do_not_replace_each_other(

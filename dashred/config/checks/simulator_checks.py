@@ -32,7 +32,7 @@ def check_simulator(system: System, where: Where) -> None:
         if simulator.fmu is None:
             raise InputError(f"{key}.variables is for an FMU, but there is none", where=place)
         if name not in own:
-            what = f"{key}.variables names {name}, which is no field, parameter or input"
+            what = f"{key}.variables names {name}, which is not a field, parameter or input"
             raise InputError(what, where=place, hint=nearest(name, own))
     for name, axis in system.axes.items():
         if isinstance(axis.ends, dict) or axis.coordinates == "radial":

@@ -196,7 +196,7 @@ def _system_of_fields(
     """
     for name in fields:
         if name in others:
-            problem = f"the column {name!r} is no field: it has times, episodes or an input"
+            problem = f"the column {name!r} is not a field: it has times, episodes or an input"
             raise InputError(problem, where="fields")
     check_names(fields, "column", table.path)
     return GuessedSystem((), tuple(fields))

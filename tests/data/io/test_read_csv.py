@@ -131,7 +131,9 @@ def test_a_table_that_memory_could_not_hold_is_refused_before_it_is_read(ode, tm
         file.write(b"time,u,v\n")
         file.truncate(86_400_000 * 26)  # a sparse file
     began = time.perf_counter()
-    with pytest.raises(InputError, match=r"the table has 2246 MB; the limit is 268 MB") as refused:
+    with pytest.raises(
+        InputError, match=r"the table takes 2246 MB; the limit is 268 MB"
+    ) as refused:
         read_recording(str(path), None, ode)
     assert time.perf_counter() - began < 1
     assert "keep one row in 9" in str(refused.value.hint)

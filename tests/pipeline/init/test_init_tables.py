@@ -142,7 +142,7 @@ def test_fields_are_chosen_by_their_name_in_the_file(tmp_path: Path) -> None:
     found = written(tmp_path, text, "fields=T 1", "inputs=P (W)")
     assert found == {"columns": {"time": "Zeit", "T_1": "T 1"}, "fields": ["T_1"]}
     for words, says in (
-        (["fields=P (W)", "inputs=P (W)"], "'P' is no field"),
+        (["fields=P (W)", "inputs=P (W)"], "'P' is not a field"),
         (["fields=T 3"], "no column 'T 3'"),
         (["fields=T 1", "ignore=T 1"], "'T_1' is needed"),
     ):

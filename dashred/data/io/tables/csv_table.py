@@ -214,7 +214,7 @@ def _opened(path: str, encoding: str) -> Iterator[TextIO]:
 def _check_size(path: str, size: int) -> None:
     if size <= MAX_BYTES:
         return
-    problem = f"the table has {size / 1e6:.0f} MB; the limit is {MAX_BYTES / 1e6:.0f} MB"
+    problem = f"the table takes {size / 1e6:.0f} MB; the limit is {MAX_BYTES / 1e6:.0f} MB"
     nth = math.ceil(size / MAX_BYTES)
     thinned = f"keep one row in {nth}, or only the relevant part of the recording"
     hint = f"{thinned}; or convert it to NetCDF (see docs/own-system.md)"

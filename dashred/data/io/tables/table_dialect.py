@@ -215,7 +215,7 @@ def write_decimals_with_a_point(rows: list[list[str]], lines: Sequence[int], pat
             stripped = cell.strip()
             if THOUSANDS.fullmatch(stripped):
                 what = f"{stripped!r} has a point, but this table has decimal commas"
-                hint = "does the point separate thousands? Remove it; or write decimals with points"
+                hint = "remove points that separate thousands, or write all decimals with points"
                 raise InputError(what, where=f"{path}:{line}", hint=hint)
             if DECIMAL_COMMA.fullmatch(stripped):
                 row[index] = stripped.replace(",", ".")

@@ -95,8 +95,8 @@ def correlation_remark(
     finite = np.isfinite(ratios)
     if not finite.any():
         return Remark(
-            "This step is too long to tell whether the noise is correlated; a run tells it from "
-            "the residuals of its fit"
+            "This step is too long to tell whether the noise is correlated; a run estimates it "
+            "from the residuals of its fit"
         )
     ratio = float(np.median(ratios[finite]))
     fewest = (~np.isnan(fine.values[:, finite])).sum(axis=0).min()

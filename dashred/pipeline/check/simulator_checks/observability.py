@@ -130,7 +130,7 @@ def _by_field(context: CheckContext, observed: Observability) -> Iterator[Remark
         by = "" if field in read else " (not measured directly)"
         if ratio != ratio:
             yield Remark(
-                f"{field}{by} is assumed to start exactly as given: there is no spread.{field}"
+                f"{field}{by} is assumed to start exactly as given: there is no system.spread.{field}"
             )
         elif ratio <= OBSERVED:
             yield Remark(f"{field}{by} is observed: {ratio:.0%} of its prior std remains")
@@ -138,7 +138,7 @@ def _by_field(context: CheckContext, observed: Observability) -> Iterator[Remark
             yield Remark(f"{field}{by} is partly observed: {ratio:.0%} of its prior std remains")
         elif field in read:
             yield Remark(
-                f"{field} starts as system.spread tells it: its sensor alone knows this less well"
+                f"{field}: system.spread determines its start better than its sensor alone does"
             )
         else:
             text = f"{field}{by} is not observed: {ratio:.0%} of its prior std remains"

@@ -147,7 +147,9 @@ def test_it_can_be_corrected_again(tmp_path: Path) -> None:
 
 def test_what_cannot_be_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     system = declared(tmp_path, build(tmp_path, 2), "-0.3*g*v")
-    with pytest.raises(NotPossibleError, match="law reads g, which is no real variable of the FMU"):
+    with pytest.raises(
+        NotPossibleError, match="law reads g, which is not a real variable of the FMU"
+    ):
         corrected(system, tmp_path)
     system = declared(tmp_path, build(tmp_path, 3, kinds="CoSimulation"))
     with pytest.raises(NotPossibleError, match=r"for co-simulation .* with FMI 2 only"):

@@ -148,7 +148,7 @@ def _read_names(
     ]
     for name in read:
         if name not in known and name not in correction.parameters:
-            raise NotPossibleError(f"the law reads {name}, which is no real variable of the FMU")
+            raise NotPossibleError(f"the law reads {name}, which is not a real variable of the FMU")
     return [*fields, *known]
 
 
