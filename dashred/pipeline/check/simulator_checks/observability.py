@@ -130,7 +130,8 @@ def _by_field(context: CheckContext, observed: Observability) -> Iterator[Remark
         by = "" if field in read else " (not measured directly)"
         if ratio != ratio:
             yield Remark(
-                f"{field}{by} is assumed to start exactly as given: there is no system.spread.{field}"
+                f"{field}{by} is assumed to start exactly as given: there is no "
+                f"system.spread.{field}"
             )
         elif ratio <= OBSERVED:
             yield Remark(f"{field}{by} is observed: {ratio:.0%} of its prior std remains")
