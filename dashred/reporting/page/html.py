@@ -14,6 +14,7 @@ from dashred.reporting.page.equations import equations
 from dashred.reporting.page.method import method_rows, provenance_rows
 from dashred.reporting.page.views import read_figures
 from dashred.reporting.text import verdict
+from dashred.reporting.text.consequences import consequences
 from dashred.reporting.text.fitted_parameters import fitted_parameter_lines
 from dashred.reporting.text.headline import headline
 from dashred.reporting.text.improvement import (
@@ -25,6 +26,9 @@ from dashred.reporting.text.improvement import (
     improvements,
     is_confirmed,
 )
+from dashred.reporting.text.laws import law, other_laws
+from dashred.reporting.text.regions import location
+from dashred.reporting.text.sources import source
 
 TEMPLATE = "reporting/page/templates/report.html.j2"
 NOTEBOOK_TEMPLATE = "reporting/page/templates/notebook.html.j2"
@@ -68,11 +72,11 @@ def page(
         **_head(findings, main_effects),
         fitted_parameters=fitted_parameter_lines(findings),
         untested=findings["verdict"] in UNTESTED,
-        location=verdict.location(findings["where"], units) if terms else [],
-        consequences=verdict.consequences(findings),
+        location=location(findings["where"], units) if terms else [],
+        consequences=consequences(findings),
         terms=sections.terms_table(findings),
         probabilities=sections.cause_probabilities(findings),
-        other_laws=verdict.other_laws(findings),
+        other_laws=other_laws(findings),
         alternatives=sections.alternatives_table(findings["alternatives"] or []),
         errors=sections.errors_table(fit),
         improvements=[*improvements(findings), *assimilation_gains(findings)],
@@ -125,6 +129,6 @@ def _statements(findings: Mapping[str, Any]) -> list[str]:
         f"Verdict: {kind}: {verdict.meaning(findings)}.",
         *contradictions(findings),
         *causes,
-        *verdict.source(findings),
-        *verdict.law(findings),
+        *source(findings),
+        *law(findings),
     ]
