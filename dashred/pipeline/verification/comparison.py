@@ -24,8 +24,8 @@ BLOCKS, MIN_SAMPLES = 8, 3
 LEVEL = 0.99
 # Errors in standard deviations count as this at most, so that no single sample decides.
 MAX_ERROR = 10.0
-# If the system is chaotic, runs are compared until their errors are as large as this, in standard
-# deviations of the readings: that of the readings' mean.
+# Error of the mean of the readings, in their standard deviations. If the system is chaotic, runs
+# are compared until their errors are as large.
 SATURATED = 1.0
 
 
