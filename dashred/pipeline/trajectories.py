@@ -139,9 +139,9 @@ def _run(
     rate = _growth_rate(times, corrected[: len(times)], shifted[: len(times)])
     step = BoundedStep()
     if best.candidates and problem.system.program is None:
-        # The run above does not tell this: with conditions at the ends, the linear terms of a
-        # system set no limit to the step (:mod:`dashred.physics.cells.integrate`), but those of a
-        # forcing do.
+        # The run above may blow up although this one does not: with conditions at the ends, the
+        # linear terms of a system set no limit to the step
+        # (:mod:`dashred.physics.cells.integrate`), but those of a forcing do.
         system = build_corrected_system(problem.system, best)
         step = bounded_step(system, start, all_times, len(times))
     if best.parameters and not best.candidates:

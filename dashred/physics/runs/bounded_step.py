@@ -29,7 +29,7 @@ class BoundedStep:
 
     Attributes:
         dt: a shorter time step at which it is stable; None if its own is, or if none helps.
-        states: its run with that step, ``(time, field, *grid)``; None without one.
+        states: its run with a stable step, ``(time, field, *grid)``; None if there is none.
         diverges: time at which it leaves all bounds, with shorter steps as well; None if it does
             not.
     """
@@ -59,7 +59,7 @@ def bounded_step(system: System, start: Tensor, times: Tensor, recorded: int) ->
         [states] = simulate(stepped, start[None], times)
         lost = _lost(states, recorded)
         if lost is None and (not has_steps or _is_stable(stepped, states, times)):
-            return BoundedStep(stepped.dt, states) if halvings else BoundedStep()
+            return BoundedStep(stepped.dt if halvings else None, states)
         if lost is not None and lost == before and lost > FEWEST_SAMPLES:
             break
         before = -1 if lost is None else lost

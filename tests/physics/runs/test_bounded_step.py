@@ -34,6 +34,12 @@ recording: {twin: a, sensors: 1, noise: 0, duration: 8, every: 1.0}
 TIMES, RECORDED = torch.arange(13, dtype=torch.float64), 9
 
 
+def assert_stable(step: BoundedStep) -> None:
+    """Check that the simulator is stable with the step that it has."""
+    assert step.dt is None and step.diverges is None
+    assert step.states is not None and bool(step.states.isfinite().all())
+
+
 def found(system: System, text: str, value: float) -> BoundedStep:
     """Return the step of a system with a law, from its own start."""
     [field] = system.fields
@@ -48,9 +54,9 @@ def decay(tmp_path_factory: pytest.TempPathFactory) -> System:
 
 
 def test_a_law_that_the_step_resolves_changes_nothing(decay: System) -> None:
-    assert found(decay, "x", -1.0) == BoundedStep()
+    assert_stable(found(decay, "x", -1.0))
     # An unstable equation, x' = x, grows by 1e5: this is no fault of the step.
-    assert found(decay, "x", 2.0) == BoundedStep()
+    assert_stable(found(decay, "x", 2.0))
 
 
 def test_a_stiff_law_gets_a_shorter_step(decay: System) -> None:
@@ -73,7 +79,7 @@ def test_a_law_that_diverges_does_so_with_any_step(decay: System) -> None:
 
 def test_a_found_diffusion_gets_a_shorter_step(tmp_path: Path) -> None:
     system = laws.declared(tmp_path, RING)
-    assert found(system, "d(u, x, 2)", 0.0) == BoundedStep()
+    assert_stable(found(system, "d(u, x, 2)", 0.0))
     stiff = found(system, "d(u, x, 2)", 0.01)
     assert stiff.dt is not None and stiff.dt < system.dt and stiff.diverges is None
     assert stiff.states is not None and bool(stiff.states.isfinite().all())
