@@ -212,6 +212,9 @@ def _best_sets(
     yield from costs.items()
     for size in range(2, LARGEST + 1):
         grown = predict(profiled, with_one(sets, extended) + alone[1:] * (size == 2))
+        if not grown:
+            # The library has no more terms.
+            return
         sets = sorted(grown, key=grown.__getitem__)[:BEAM]
         kept = [sets[0], *(members for members in alone if members in grown)]
         yield from ((members, grown[members]) for members in dict.fromkeys(kept))
