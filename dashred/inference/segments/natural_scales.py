@@ -56,7 +56,8 @@ def natural_scales(
     """Return the scales about some nodes.
 
     A field's rate is the rms of its equation's tendency, or that of the readings if it is larger:
-    an equation may lack its largest term.
+    an equation may lack its largest term. The rate of a function h of the field is divided by the
+    rms of ∂h/∂x.
 
     Args:
         simulator: of the segments.
@@ -76,6 +77,11 @@ def natural_scales(
         if field >= 0:
             seen = _read_rate(segments, values[:, :, sensor], variances[:, :, sensor])
             rate[field] = max(rate[field], seen)
+    for sensor, field in enumerate(sensors.curved.tolist()):
+        if field >= 0:
+            gain = float(np.sqrt(np.square(sensors.slope_of_curved(sensor, nodes)).mean()))
+            seen = _read_rate(segments, values[:, :, sensor], variances[:, :, sensor])
+            rate[field] = max(rate[field], seen / gain if gain > 0 else 0.0)
     rate = np.maximum(rate, 1e-9 * size / segments.span)
     # A parameter may touch several equations: the one that it moves most decides.
     moved = np.sqrt(np.square(terms).mean(axis=1)) / rate[equations]

@@ -16,6 +16,7 @@ from dashred.data.sensors import Sensor
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.segments.segments import Array
 from dashred.physics.backends.numpy_backend import Pointwise
+from dashred.physics.expressions import algebra
 from dashred.physics.expressions.algebra import ZERO, Expr, Name, Number, add, multiply
 from dashred.physics.expressions.differentiate import differentiate
 from dashred.physics.parameter_sensitivity import reading_slopes
@@ -49,6 +50,8 @@ class StateSensors:
         names: of the sensors.
         fields: index of the field that a sensor reads, up to gain and offset, ``(sensor,)``; -1 for
             the others.
+        curved: index of the one field of which a sensor reads another function, ``(sensor,)``; -1
+            for the others.
         parameters: names of the parameters that a sensor depends on.
 
     Args:
@@ -71,6 +74,9 @@ class StateSensors:
         self._compiled: dict[tuple[str, ...], tuple[Pointwise, Pointwise, Pointwise]] = {}
         found = [_affine(expr, self._states) for expr in self._reads]
         self.fields = np.array([place for place, _, _ in found])
+        self.curved = np.array(
+            [_only_field(h, self._states) if j < 0 else -1 for h, (j, _, _) in zip(self._reads, found, strict=True)]
+        )
         self._gains = np.array([gain for _, gain, _ in found])
         self._offsets = np.array([offset for _, _, offset in found])
 
@@ -111,6 +117,13 @@ class StateSensors:
         found = self._evaluate(1, states, changes)
         return found.reshape(*states.shape[:-1], -1, len(self._states))
 
+    def slope_of_curved(self, sensor: int, states: Array) -> Array:
+        """Return the derivative of a function of one field alone, at states ``(…, field)``."""
+        name = self._states[self.curved[sensor]]
+        slope = Pointwise([differentiate(self._reads[sensor], name)])
+        values = {name: states[..., self.curved[sensor]]}
+        return slope(values, states.shape[:-1])[0]
+
     def by_parameter(self, states: Array, changes: ReadChanges) -> Array:
         """Return the derivatives by the changed parameters, ``(…, sensor, parameter)``."""
         found = self._evaluate(2, states, changes)
@@ -150,6 +163,12 @@ class StateSensors:
 def _symbol(parameter: str) -> str:
     """Return the name of the change of a parameter, which is not a name of the language."""
     return f"change of {parameter}"
+
+
+def _only_field(expr: Expr, fields: Sequence[str]) -> int:
+    """Return the field x of a function of x alone; -1 for another function."""
+    read = algebra.names(expr)
+    return fields.index(*read) if len(read) == 1 and read <= set(fields) else -1
 
 
 def _affine(expr: Expr, fields: Sequence[str]) -> tuple[int, float, float]:
