@@ -80,8 +80,11 @@ def episodes_of_file(
     Raises:
         InputError: as :func:`read_csv`.
     """
-    named = [] if places is None or "name" not in places.columns else places.texts("name")
-    used = {*layout.ignored, *system.inputs.values(), *named}
+    if places is None:
+        read = list(observable_names(system))
+    else:
+        read = places.texts("name") if "name" in places.columns else []
+    used = {*layout.ignored, *system.inputs.values(), *read}
     table = read_recording_table(path, replace(layout, used=used))
     return episodes_of_table(table, places, system, layout)
 

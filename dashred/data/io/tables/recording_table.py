@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from array import array
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import count
 
 from dashred.core.errors import InputError
 from dashred.core.unit_conversion import is_known_unit
@@ -12,7 +14,7 @@ from dashred.data.io.tables.grouped_columns import ColumnGroups
 from dashred.data.io.tables.other_lines import drop_other_lines
 from dashred.data.io.tables.table_dialect import TableText, find_recording
 from dashred.data.io.tables.table_header import example_names, read_header
-from dashred.data.io.tables.table_layout import TableLayout
+from dashred.data.io.tables.table_layout import TIMES, TableLayout, split_header
 
 # Rows that show how many columns a table has.
 HEAD_ROWS = 100
@@ -23,7 +25,7 @@ def read_recording_table(path: str, layout: TableLayout) -> Table:
 
     Beyond what :func:`read_table` reads, other lines may precede the header, a line with units may
     follow it, a separator may end each line, messages and remarks may stand between and below the
-    rows, and the configuration may name the columns.
+    rows, the configuration may name the columns, and headers that nothing uses may be repeated.
 
     Raises:
         InputError: as :func:`dashred.data.io.tables.csv_table.read_table`, or there are no names.
@@ -51,6 +53,8 @@ def read_recording_table(path: str, layout: TableLayout) -> Table:
     if names is None:
         _fill_ends(headers, rows)
     _drop_empty_end(headers, rows)
+    if names is None:
+        headers = _numbered(headers, layout)
     columns, units = read_header(headers, f"{path}:{header}", layout.used)
     for column, unit in zip(columns, units_row, strict=False):
         if is_known_unit(unit):
@@ -106,6 +110,21 @@ def _drop_empty_rows(rows: list[list[str]], lines: array[int]) -> None:
     if len(kept) < len(rows):
         rows[:] = [rows[at] for at in kept]
         lines[:] = array("q", [lines[at] for at in kept])
+
+
+def _numbered(headers: Sequence[str], layout: TableLayout) -> list[str]:
+    """Number the headers that repeat another one, ``Loop (2)``, unless it is a name that is used.
+
+    A logger may repeat the header of a column that the analysis does not need.
+    """
+    found: list[str] = []
+    for header in map(str.strip, headers):
+        name = split_header(header)[0]
+        is_needed = name in layout.used or name.lower() in (*TIMES, "episode", "")
+        others = (f"{header} ({number})" for number in count(2))
+        free = header not in found or is_needed
+        found.append(header if free else next(n for n in others if n not in (*found, *headers)))
+    return found
 
 
 def _fill_ends(headers: list[str], rows: list[list[str]]) -> None:

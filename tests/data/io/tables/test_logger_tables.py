@@ -45,6 +45,17 @@ def test_the_header_is_found_between_other_lines(write: Write, head: str) -> Non
     assert table.location(1, "u") == f"{table.path}:{last}, column 'u'"
 
 
+def test_headers_that_nothing_uses_may_be_repeated(write: Write) -> None:
+    head = "time,u,Loop,Loop,Loop (2),Loop\n"
+    table = read(write, head + "0,1,2,3,4,5\n1,2,3,4,5,6\n")
+    assert table.columns == ("time", "u", "Loop", "Loop (3)", "Loop (2)", "Loop (4)")
+    assert table.texts("Loop (4)") == ["5", "6"]
+    with pytest.raises(InputError, match="'Loop' occurs twice"):
+        read(write, head + "0,1,2,3,4,5\n", TableLayout(used=("Loop",)))
+    with pytest.raises(InputError, match="'Time' occurs twice"):
+        read(write, "Time,u,Time\n0,1,2\n")
+
+
 def test_the_line_below_the_header_has_units(write: Write) -> None:
     table = read(write, "time,u [V],v,w\nsecond,mV,-,m/s\n0,1,2,3\n1,2,3,4\n")
     assert table.units == {"time": "second", "u": "V", "w": "m/s"}
