@@ -23,7 +23,11 @@ from dashred.physics.program_parameters import parameter_term
 from dashred.physics.runs.tendency_size import program_slopes, tendency_size
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
-from dashred.physics.terms.collinear_terms import COLLINEARITY_TOLERANCE, may_differ
+from dashred.physics.terms.collinear_terms import (
+    COLLINEARITY_TOLERANCE,
+    constant_fields,
+    may_differ,
+)
 from dashred.physics.terms.let_terms import resolved_let_term
 from dashred.physics.terms.library import resolve
 from dashred.physics.window import Window
@@ -145,6 +149,7 @@ def build_candidates(
         {j: in_units(effects[c.name], rms) for j, c in enumerate(found) if c.in_program},
         every,
     )
+    constant = frozenset[str]() if moved is None else constant_fields(system, nominal)
     independent: list[int] = []
     aliases: dict[int, list[str]] = {}
     replaced: dict[int, list[str]] = {}
@@ -159,7 +164,7 @@ def build_candidates(
         collinear = [
             i
             for i in (independent[each] for each in alike)
-            if moved is None or not _differ_on(system, candidate, found[i], moved, t, rms)
+            if moved is None or not _differ_on(system, candidate, found[i], constant, moved, t, rms)
         ]
         if not collinear:
             independent.append(j)
@@ -185,13 +190,14 @@ def _differ_on(
     system: System,
     one: Candidate,
     other: Candidate,
+    constant: frozenset[str],
     states: Tensor,
     t: float | Tensor,
     rms: Tensor,
 ) -> bool:
-    """Return whether two candidates of several fields are not proportional on states."""
+    """Return whether candidates of several or of constant fields are not proportional on states."""
     if not any(
-        may_differ(system, mine.expression, theirs.expression)
+        may_differ(system, mine.expression, theirs.expression, constant)
         for mine in one.terms
         for theirs in other.terms
         if mine.equation == theirs.equation

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import torch
 from torch import Tensor
@@ -30,8 +30,9 @@ def uninformative_terms(
 
     The column of such a term on the states ``(batch, field, *grid)`` vanishes, is not finite, or
     is proportional to the column of an earlier term of the equation, which is then the reason.
-    Two fields may be equal in a simulation that lacks what makes them differ. Terms of several
-    fields, without kinks, count as proportional only if they are so on other states, too.
+    Two fields may be equal in a simulation that lacks what makes them differ, and a field may be
+    constant in one that lacks what moves it. Terms of several fields or of constant fields, without
+    kinks, count as proportional only if they are so on other states, too.
 
     Args:
         system: the simulator.
@@ -69,30 +70,46 @@ def uninformative_terms(
                 why[term] = other
                 break
     if moved is not None:
+        constant = constant_fields(system, states)
         for term, reason in list(why.items()):
             if isinstance(reason, str):
                 continue
             pair = [system.resolve(each.expression, "library") for each in (term, reason)]
-            if not may_differ(system, *pair):
+            if not may_differ(system, *pair, constant):
                 continue
             if term not in uninformative_terms(system, (reason, term), moved, t):
                 del why[term]
     return why
 
 
-def may_differ(system: System, one: Expr, other: Expr) -> bool:
-    """Return whether expressions of several fields may differ where the fields differ.
+def may_differ(
+    system: System, one: Expr, other: Expr, constant: Collection[str] = frozenset()
+) -> bool:
+    """Return whether expressions that are proportional on some states may differ on others.
 
-    Both have fields, together at least two, and no kinks, which other states would cross.
+    They may if both have fields, together at least two, which may be equal on these states; or if
+    nothing in them varies on these states. They must not have kinks, which other states would
+    cross.
 
     Args:
         system: the simulator.
         one: a resolved expression.
         other: another one.
+        constant: fields that have one value on these states.
     """
-    mine, theirs = (names(expr) & set(system.fields) for expr in (one, other))
-    has_kinks = any(any(calls(expr, KINKS)) for expr in (one, other))
-    return bool(mine and theirs) and len(mine | theirs) > 1 and not has_kinks
+    if any(any(calls(expr, KINKS)) for expr in (one, other)):
+        return False
+    read = names(one), names(other)
+    mine, theirs = (each & set(system.fields) for each in read)
+    is_still = read[0] | read[1] <= set(constant)
+    return is_still or bool(mine and theirs and len(mine | theirs) > 1)
+
+
+def constant_fields(system: System, states: Tensor) -> frozenset[str]:
+    """Return the fields that have one value on states ``(batch, field, *grid)``."""
+    flat = states.transpose(0, 1).flatten(1)
+    is_constant = (flat == flat[:, :1]).all(dim=1).tolist()
+    return frozenset(name for name, one in zip(system.fields, is_constant, strict=True) if one)
 
 
 def check_collinear(

@@ -286,3 +286,15 @@ def test_terms_of_two_fields_that_are_equal_in_the_simulation_are_kept(make_syst
     # Where both fields move in the same way, nothing tells the terms apart.
     left_out = uninformative_terms(system, library, equal, 0.0, 2 * equal)
     assert [str(term) for term in left_out] == ["u*v**2", "u**2*abs(u)"]
+
+
+def test_terms_of_a_field_that_is_constant_in_the_simulation_are_kept(make_system):
+    """A simulator of a reaction that knows no reaction; abs(u) is u where u is positive."""
+    system = declare(make_system, AXES[1], "u")
+    library = build_library(system, {"u": ["1", "u", "u**2", "abs(u)"]})
+    still = torch.full_like(random_states(system), 2.0)
+    left_out = uninformative_terms(system, library, still, 0.0)
+    assert [str(term) for term in left_out] == ["u", "u**2", "abs(u)"]
+    moved = still + 0.1 * random_states(system, 1)
+    left_out = uninformative_terms(system, library, still, 0.0, moved)
+    assert [str(term) for term in left_out] == ["abs(u)"]
