@@ -102,7 +102,9 @@ def find_recording(file: TextIO) -> TableText:
     if first == begin:
         found = find_header(lines)
         others = _cells(head[first], found.separator)[1:]
-        is_named = found.skipped < begin or not any(map(is_value_cell, others))
+        # The only cell of a line is a value here.
+        names_others = bool(others) and not any(map(is_value_cell, others))
+        is_named = found.skipped < begin or names_others
         return replace(found, has_header=is_named)
     separator = _separator(head[first])
     rows = [_cells(line, separator) for line in head[: first + 1]]

@@ -131,6 +131,14 @@ def test_a_table_without_names_says_how_to_give_them(write: Write) -> None:
     assert len(table) == 2
 
 
+def test_one_column_of_numbers_has_no_header(write: Write) -> None:
+    text = "5.55\n5.05\n4.58\n"
+    assert count_unnamed(write("r.csv", text)) == 1
+    table = read(write, text, TableLayout(("v",)))
+    np.testing.assert_array_equal(table.numbers("v"), [5.55, 5.05, 4.58])
+    assert count_unnamed(write("r.csv", f"v\n{text}")) == 0
+
+
 def test_a_list_of_names_replaces_the_header(write: Write) -> None:
     table = read(write, "x-axis,1,2\nsecond,Volt,Volt\n" + ROWS, TableLayout(("time", "u", "v")))
     assert table.columns == ("time", "u", "v")
