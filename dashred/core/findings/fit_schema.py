@@ -89,6 +89,8 @@ class Fit(HeldOut):
     `residual_std` is that of the residuals of the fit. It is much larger if no law explains the
     recording. `chi2` is the misfit of the law per sample, relative to `residual_std`, and
     `unexplained` the share of the squared residuals that is not noise.
+    `readings` is the number of readings in the fit, and `start_values` that of the start values of
+    an ODE system that they determine beside the law.
     `held_out_samples` are the numbers of times with held-out readings, over all episodes.
     `noise_correlation` is the largest correlation of neighbouring samples over all quantities.
     `own_error` is the numerical error of the simulator at the start of the recording, in units of
@@ -110,6 +112,8 @@ class Fit(HeldOut):
     comparisons: list[Comparison]
     noise_std: dict[str, float] | None
     residual_std: NotRequired[dict[str, float]]
+    readings: NotRequired[int]
+    start_values: NotRequired[int]
     held_out_samples: NotRequired[dict[HeldOutData, int]]
     noise_correlation: float | None
     own_error: float | None

@@ -75,7 +75,10 @@ class StateSensors:
         found = [_affine(expr, self._states) for expr in self._reads]
         self.fields = np.array([place for place, _, _ in found])
         self.curved = np.array(
-            [_only_field(h, self._states) if j < 0 else -1 for h, (j, _, _) in zip(self._reads, found, strict=True)]
+            [
+                _only_field(h, self._states) if j < 0 else -1
+                for h, (j, _, _) in zip(self._reads, found, strict=True)
+            ]
         )
         self._gains = np.array([gain for _, gain, _ in found])
         self._offsets = np.array([offset for _, _, offset in found])

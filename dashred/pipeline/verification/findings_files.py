@@ -21,8 +21,8 @@ from dashred.pipeline.problem import Problem
 from dashred.pipeline.verification.sensor_noise import noise_of_sensors
 from dashred.reporting.text.improvement import is_confirmed
 
-# The remark in the corrected configuration of an explanation that held-out data contradict.
-UNCONFIRMED = "The held-out data contradict this explanation: it is suggested, but not confirmed."
+# The remark in the corrected configuration of an explanation that is not confirmed.
+UNCONFIRMED = "This explanation is suggested, but not confirmed."
 
 
 def write_findings(problem: Problem, analysis: Analysis, findings: Findings, output: Path) -> None:

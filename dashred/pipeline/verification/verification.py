@@ -35,6 +35,11 @@ from dashred.pipeline.simulation.numerical_error import numerical_error, suffici
 from dashred.pipeline.verification.comparison import compare_held_out, misfits_at_sensors
 from dashred.pipeline.verification.confirmation import contradiction_of_faults, is_law_contradicted
 from dashred.pipeline.verification.energy import energy_loss
+from dashred.pipeline.verification.few_readings import (
+    fitted_readings,
+    start_values,
+    with_enough_readings,
+)
 from dashred.pipeline.verification.findings_input import build_input
 from dashred.pipeline.verification.held_out import (
     held_out_errors,
@@ -70,6 +75,9 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         against = contradiction_of_faults(comparisons, misfits, is_local, share)
     if against or is_law_contradicted(kind, causes, discovered.best, comparisons):
         kind = "unconfirmed"
+    coefficients = len(discovered.best.candidates)
+    readings, start = fitted_readings(problem), start_values(problem)
+    kind = with_enough_readings(kind, coefficients, readings, start)
     kind, causes = with_faults(kind, causes, map(problem.fault_details, faults))
     # The residuals have the same σ in all episodes.
     law, std = discovered.best, discovered.noise.std[: len(names)]
@@ -81,6 +89,8 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         comparisons=comparisons,
         noise_std=problem.noise,
         residual_std=dict(zip(names, std.tolist(), strict=True)),
+        readings=readings,
+        start_values=start,
         held_out_samples=held_out_samples(predictions),
         noise_correlation=float(discovered.noise.correlation.max()),
         own_error=error,

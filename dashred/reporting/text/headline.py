@@ -15,6 +15,7 @@ from dashred.reporting.text.improvement import (
     has_only_parameters,
     is_confirmed,
     is_lost,
+    is_scant,
     is_unsupported,
     names_nearest_law,
 )
@@ -134,6 +135,11 @@ def _conclusion(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
             return (
                 "there is no confirmed result: faulty sensors would explain the readings used in "
                 "the fit, but held-out data disagree with the simulation, too"
+            )
+        case "unconfirmed" if is_scant(findings):
+            return (
+                "there is no confirmed result: the readings are too few to prove the best law "
+                f"({_listed(effects + changed, mostly)})"
             )
         case "unconfirmed":
             return (

@@ -136,13 +136,35 @@ def is_unsupported(findings: Mapping[str, Any]) -> bool:
     return bool(changes) and not any(changes)
 
 
+def is_scant(findings: Mapping[str, Any]) -> bool:
+    """Return whether a law is not confirmed because the readings are too few to prove it."""
+    fit = findings["fit"]
+    contradicted = any(each["worse"] for each in fit.get("comparisons", ()))
+    is_counted = findings["verdict"] == "unconfirmed" and "readings" in fit
+    return is_counted and bool(findings["terms"]) and not contradicted
+
+
 def contradictions(findings: Mapping[str, Any]) -> list[str]:
-    """Return how the held-out data contradict an explanation."""
+    """Return why an explanation is not confirmed."""
     if is_confirmed(findings):
         return []
     if not findings["terms"]:
         return [_contradicted_faults(findings["fit"])]
+    if is_scant(findings):
+        return [_too_few(findings)]
     return [_contradiction(each) for each in findings["fit"]["comparisons"] if each["worse"]]
+
+
+def _too_few(findings: Mapping[str, Any]) -> str:
+    """Return that many laws fit so few readings."""
+    fit, terms = findings["fit"], findings["terms"]
+    coefficients = f"{len(terms)} coefficient{'s' * (len(terms) != 1)}"
+    start = f"{fit['start_values']} start value{'s' * (fit['start_values'] != 1)}"
+    return (
+        f"{coefficients} and {start} were fitted to {fit['readings']} readings: other laws with as "
+        "many terms fit so few. Record more readings, or list only the terms that are possible in "
+        "library."
+    )
 
 
 def _contradicted_faults(fit: Mapping[str, Any]) -> str:

@@ -14,6 +14,7 @@ from dashred.reporting.text.improvement import (
     forecast_limits,
     improvements,
     is_confirmed,
+    is_scant,
     names_nearest_law,
     resolution_warning,
 )
@@ -38,6 +39,8 @@ VERDICTS = {
 }
 # The meaning of missing-term for more than one.
 SEVERAL_TERMS = "terms are missing from the simulation"
+# The meaning of unconfirmed if no held-out data contradict the law.
+TOO_FEW = "an explanation fits the recording, but the readings are too few to prove it"
 # The meaning of nothing-missing if the simulation agrees with fitted parameters.
 NOTHING_BESIDE_PARAMETERS = "the equations with the fitted parameters explain the recording"
 LIMITS = "Limits of this analysis"
@@ -78,6 +81,8 @@ def meaning(findings: Mapping[str, Any]) -> str:
         return NOTHING_BESIDE_PARAMETERS
     if verdict == "missing-term" and len(findings["terms"] or ()) > 1:
         return SEVERAL_TERMS
+    if is_scant(findings):
+        return TOO_FEW
     return VERDICTS.get(verdict, "see findings.json")
 
 

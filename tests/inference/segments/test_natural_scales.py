@@ -34,7 +34,7 @@ TIMES = np.arange(0, 4.1, 0.25)
 def test_an_equation_without_terms_has_the_rate_that_its_function_shows(
     tmp_path: Path, unit: float
 ) -> None:
-    """a' = -k a changes the light by g exp(-a) k a, whatever the unit of time."""
+    """A' = -k a changes the light by g exp(-a) k a, whatever the unit of time."""
     system, clock = laws.declared(tmp_path, FADING), TIMES / unit
     a = 2 * np.exp(-K * TIMES)
     segments = cut([clock], [1000 * np.exp(-a)[:, None]])
