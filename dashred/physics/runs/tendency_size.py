@@ -18,15 +18,16 @@ from dashred.physics.terms.library import evaluate_terms
 
 # A difference in time over this share of the time step is the rate of a program.
 SHORT_STEP = 1 / 16
-# Smallest rms of a tendency: a simulation may stay at rest.
+# Smallest rms of a tendency.
 LEAST = 1e-12
 
 
 def tendency_size(system: System, states: Tensor, t: float | Tensor) -> Tensor:
     """Return the rms of the right-hand side of each equation over a simulation, ``(field,)``.
 
-    It is positive even if the simulation stays at rest. States that a program cannot step do not
-    count.
+    An equation that is 0 over the simulation has the size of a field that changes by its own size
+    from the first time to the last. The size is positive in any case. States that a program cannot
+    step do not count.
 
     Args:
         system: the simulator.
@@ -39,7 +40,15 @@ def tendency_size(system: System, states: Tensor, t: float | Tensor) -> Tensor:
     for known, means in found:
         if known:
             squares += known / count * means
-    return squares.sqrt().nan_to_num(nan=0.0).clamp(min=LEAST)
+    size = squares.sqrt().nan_to_num(nan=0.0)
+    return torch.where(size > LEAST, size, _size_at_rest(states, t)).clamp(min=LEAST)
+
+
+def _size_at_rest(states: Tensor, t: float | Tensor) -> Tensor:
+    """Return the rms of every field over the time that passes, ``(field,)``; 0 at one time."""
+    span = float(t.max() - t.min()) if isinstance(t, Tensor) and t.numel() else 0.0
+    rms = states.transpose(0, 1).flatten(1).square().mean(dim=1).sqrt().nan_to_num(nan=0.0)
+    return rms / span if span > 0 else torch.zeros_like(rms)
 
 
 def _mean_squares(

@@ -20,6 +20,10 @@ from dashred.pipeline.discovery.segments.segment_stage import discover_in_segmen
 from dashred.pipeline.discovery.stages.horizon_stage import fit_from_first_guesses
 from dashred.pipeline.discovery.stages.local_cause_stage import discover_local_cause
 
+# A fit to the whole record with a larger misfit per reading does not follow it. A law that explains
+# the record over segments is told then.
+LOST = 100.0
+
 
 @dataclass(frozen=True)
 class FirstTrajectory:
@@ -46,7 +50,8 @@ def fit_first_trajectory(
     """Return the first trajectory; or the findings, if they are known without it.
 
     It begins with the law and the states that were found over segments, if it can follow them.
-    Otherwise it grows from first guesses of the start. A cause at one place is looked for before
+    Otherwise it grows from first guesses of the start. If it does not follow the record either, the
+    findings are those over segments, if these explain the record. A cause at one place is looked for before
     that, because candidates that act everywhere cannot follow it.
 
     Args:
@@ -81,6 +86,7 @@ def fit_first_trajectory(
             return local
     with stage("grow the horizon", seconds) as report:
         guess, horizon = fit_from_first_guesses(problem, coarse, candidates, guesses, report)
-    if segments is not None and explained and not horizon.is_complete:
+    follows = horizon.is_complete and horizon.levels[-1][1] < LOST
+    if segments is not None and explained and not follows:
         return discover_in_segments(problem, segments, child, seconds)
     return FirstTrajectory(guesses, guess, horizon)
