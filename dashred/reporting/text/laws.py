@@ -1,6 +1,6 @@
 """The law that was found, and the other laws that fit, as text."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dashred.core.formatting import number, parenthesize_sum, pretty, sentence
@@ -97,7 +97,7 @@ def _unsupported(findings: Mapping[str, Any]) -> list[str]:
 
 def other_laws(findings: Mapping[str, Any]) -> list[str]:
     """Return the other laws that fit, and the best of those that do not."""
-    others = findings["alternatives"] or []
+    others = _of_other_terms(findings["alternatives"] or [], findings["terms"] or [])
     equal = [other for other in others if other["rival"] and other["same_as_best"]]
     rivals = [other for other in others if other["rival"] and not other["same_as_best"]]
     lines = []
@@ -114,6 +114,26 @@ def other_laws(findings: Mapping[str, Any]) -> list[str]:
         law = alternative_text(nearest) if nearest["terms"] else "that nothing is missing"
         lines.append(f"The next best explanation, {law}, is worse by ΔBIC {_difference(nearest)}.")
     return lines
+
+
+def _of_other_terms(
+    others: Sequence[Mapping[str, Any]], terms: Sequence[Mapping[str, Any]]
+) -> list[Mapping[str, Any]]:
+    """Return the laws without those of the same terms as the best or an earlier one.
+
+    They differ in the errors of sensors alone, which the causes list.
+    """
+    found: dict[frozenset[tuple[str | None, str, bool]], Mapping[str, Any]] = {}
+    own = _terms_of(terms)
+    for other in others:
+        if (key := _terms_of(other["terms"])) != own:
+            found.setdefault(key, other)
+    return list(found.values())
+
+
+def _terms_of(terms: Sequence[Mapping[str, Any]]) -> frozenset[tuple[str | None, str, bool]]:
+    """Return the equations and names of terms, and whether each acts in a region."""
+    return frozenset((t["equation"], t["term"], bool(t.get("region"))) for t in terms)
 
 
 def alternative_text(alternative: Mapping[str, Any]) -> str:

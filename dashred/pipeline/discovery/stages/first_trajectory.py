@@ -50,9 +50,9 @@ def fit_first_trajectory(
     """Return the first trajectory; or the findings, if they are known without it.
 
     It begins with the law and the states that were found over segments, if it can follow them.
-    Otherwise it grows from first guesses of the start. If it does not follow the record either, the
-    findings are those over segments, if these explain the record. A cause at one place is looked for before
-    that, because candidates that act everywhere cannot follow it.
+    Otherwise it grows from first guesses of the start. A cause at one place is looked for before
+    that, because candidates that act everywhere cannot follow it. If no trajectory follows the
+    record, the findings are those over segments, if these explain it.
 
     Args:
         given: recording, simulations, and results of the stages before.
