@@ -31,6 +31,8 @@ PLACES = {
 }
 # Ratios of errors nearer to 1 than this count as no difference.
 SAME = 1.05
+# Error of the mean of the readings, in their standard deviations.
+OF_THE_MEAN = 1.0
 
 
 def headline(findings: Mapping[str, Any], mostly: Sequence[str] = ()) -> str:
@@ -192,9 +194,21 @@ def _improvement(findings: Mapping[str, Any]) -> str | None:
     change = "unchanged"
     if ratio >= SAME:
         change = f"{_times(ratio)} smaller"
+        if _is_useless(findings["fit"], key):
+            only = f"{only}, but it still exceeds that of a constant"
     elif ratio <= 1 / SAME:
         change = f"{_times(1 / ratio)} larger"
     return f"with this correction, the error {PLACES[key]} is {change}{only}"
+
+
+def _is_useless(fit: Mapping[str, Any], key: str) -> bool:
+    """Return whether the mean of the readings predicts them better than the corrected run.
+
+    A run of a chaotic system predicts the first of them, and is compared at these alone.
+    """
+    cut = any(c["horizon"] is not None for c in fit.get("comparisons", ()) if c["data"] == key)
+    error = (fit.get(key) or {}).get("corrected")
+    return not cut and error is not None and error >= OF_THE_MEAN
 
 
 def _times(ratio: float) -> str:

@@ -58,6 +58,16 @@ system:
   integrator: {dt: 0.05}
 recording: {twin: a, sensors: 4, noise: 0, duration: 4, every: 0.1}
 """
+STILL = """
+system:
+  title: no reaction
+  fields: {a: reactant}
+  equations: {a: 0}
+  start: {a: 2}
+  spread: {a: 0.1}
+  integrator: {method: rk4, dt: 0.1}
+recording: {twin: a, sensors: 1, noise: 0, duration: 4, every: 0.25}
+"""
 LIBRARY = {
     "u": ["1", "u", "u**2", "u**3", "lap(u)", "lam", "d(u, x)", "u*d(u, x)"],
     "lam": ["lam", "u**2", "lap(lam)"],
@@ -185,3 +195,19 @@ def test_zero_or_non_finite_terms_are_no_candidates(tmp_path: Path) -> None:
     listed = {"u": ["log(u - 100)", "step(u - 100)", "u**2"]}
     found = build_candidates(system, library(system, listed), nominal(system), 0.0)
     assert [str(candidate) for candidate in found] == ["u: u**2"]
+
+
+def test_terms_of_a_field_that_the_simulation_holds_constant_are_candidates(
+    tmp_path: Path,
+) -> None:
+    """A simulator of a reaction that knows no reaction."""
+    system = laws.declared(tmp_path, STILL)
+    still = torch.full((9, 1), 2.0, dtype=torch.float64)
+    moved = still + 0.1 * torch.linspace(-1, 1, 9, dtype=torch.float64)[:, None]
+    times = torch.linspace(0, 4, 9, dtype=torch.float64)
+    listed = library(system, {"a": ["1", "a", "a**2", "abs(a)"]})
+    assert [c.name for c in build_candidates(system, listed, still, times)] == ["1"]
+    found = build_candidates(system, listed, still, times, moved=moved)
+    assert [c.name for c in found] == ["1", "a", "a**2"]
+    # The equation is 0: a term has the scale at which a changes by itself in the time of 4.
+    assert [c.scale for c in found] == pytest.approx([0.5, 0.25, 0.125])

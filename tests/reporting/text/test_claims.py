@@ -274,6 +274,15 @@ def test_where_a_sensor_is_the_correction_the_headline_tells_the_gain() -> None:
     assert told.endswith("in the held-out time is 2 times smaller.")
 
 
+def test_a_correction_that_predicts_no_better_than_a_constant_is_told_as_such() -> None:
+    told = found(verdict="missing-term")
+    told["fit"]["test_sensors"] = errors_by_method()
+    told["fit"]["heldout_time"] = errors_by_method(simulation_refit=2e4, corrected=1.36)
+    assert headline(told).endswith(" times smaller, but it still exceeds that of a constant.")
+    told["fit"]["heldout_time"] = errors_by_method(simulation_refit=2e4, corrected=0.9)
+    assert headline(told).endswith(" times smaller.")
+
+
 def test_a_chaotic_system_is_told_up_to_the_time_at_which_its_runs_are_lost() -> None:
     cut: Any = BETTER | {"horizon": 12.345678, "before": 0.6, "after": 0.1}
     told = improvements(found(cut, verdict="missing-term", units={"t": "s"}))[1]
