@@ -170,8 +170,8 @@ def _symbol(parameter: str) -> str:
 
 def _only_field(expr: Expr, fields: Sequence[str]) -> int:
     """Return the field x of a function of x alone; -1 for another function."""
-    read = algebra.names(expr)
-    return fields.index(*read) if len(read) == 1 and read <= set(fields) else -1
+    read = list(algebra.names(expr))
+    return fields.index(read[0]) if len(read) == 1 and read[0] in fields else -1
 
 
 def _affine(expr: Expr, fields: Sequence[str]) -> tuple[int, float, float]:

@@ -74,8 +74,8 @@ def uninformative_terms(
         for term, reason in list(why.items()):
             if isinstance(reason, str):
                 continue
-            pair = [system.resolve(each.expression, "library") for each in (term, reason)]
-            if not may_differ(system, *pair, constant):
+            mine, theirs = (system.resolve(each.expression, "library") for each in (term, reason))
+            if not may_differ(system, mine, theirs, constant):
                 continue
             if term not in uninformative_terms(system, (reason, term), moved, t):
                 del why[term]
