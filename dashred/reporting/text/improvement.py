@@ -139,7 +139,8 @@ def is_unsupported(findings: Mapping[str, Any]) -> bool:
 def is_scant(findings: Mapping[str, Any]) -> bool:
     """Return whether a law is not confirmed because the readings are too few to prove it."""
     fit = findings["fit"]
-    contradicted = any(each["worse"] for each in fit.get("comparisons", ()))
+    is_worse = any(each["worse"] for each in fit.get("comparisons", ()))
+    contradicted = is_worse or fit.get("faults_contradicted") is not None
     is_counted = findings["verdict"] == "unconfirmed" and "readings" in fit
     return is_counted and bool(findings["terms"]) and not contradicted
 
