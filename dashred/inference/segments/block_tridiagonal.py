@@ -88,6 +88,17 @@ class BlockNormal:
         gram = (gram + gram.T) / 2
         return _eliminate(gram, target, cost, len(target) if kept is None else kept)
 
+    def node_response(self) -> Array | None:
+        """Return ``dx/dξ = -A⁻¹ B`` of the nodes at their best, ``(node, field, shared)``.
+
+        None where rounding has left A without a Cholesky factor.
+        """
+        try:
+            solved = cho_solve_banded((cholesky_banded(self._band), False), self._flat_border)
+        except (LinAlgError, ValueError):
+            return None
+        return -solved.reshape(self.border.shape)
+
     def minimum(self) -> float | None:
         """Return min F of the linearised problem; None without a Cholesky factor."""
         profiled = self.profiled(0)

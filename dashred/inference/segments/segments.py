@@ -85,10 +85,14 @@ class Segments:
         return joined
 
     @cached_property
+    def noisy(self) -> NDArray[np.bool_]:
+        """Which readings are not at a stop, ``(segment, 1 + interval, sensor)``."""
+        return self.available if self.at_stop is None else self.available & ~self.at_stop
+
+    @cached_property
     def seen(self) -> int:
         """Number of readings that are not at a stop."""
-        noisy = self.available if self.at_stop is None else self.available & ~self.at_stop
-        return int(noisy.sum())
+        return int(self.noisy.sum())
 
     @property
     def span(self) -> float:

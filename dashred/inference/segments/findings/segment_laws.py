@@ -10,6 +10,7 @@ from torch import Tensor
 
 from dashred.inference.fit.law import FittedParameter, Law
 from dashred.inference.fit.noise_model import NoiseModel
+from dashred.inference.segments.findings.coefficient_covariance import coefficient_covariance
 from dashred.inference.segments.findings.error_faults import error_faults
 from dashred.inference.segments.segments import Array, Segments
 from dashred.inference.segments.selection.search import SegmentSearch
@@ -30,8 +31,7 @@ def segment_noise(search: SegmentSearch, noise: NoiseModel) -> NoiseModel:
 def law_from_segments(search: SegmentSearch, found: SegmentLaw) -> Law:
     """Return one set of candidates as a law.
 
-    The covariance is that of the profiled problem, from which all nodes are eliminated. The start
-    is the first node of each episode. The residuals are those within the segments.
+    The start is the first node of each episode. The residuals are those within the segments.
 
     Args:
         search: gives the problem and the noise.
@@ -41,15 +41,8 @@ def law_from_segments(search: SegmentSearch, found: SegmentLaw) -> Law:
     segments, (candidates, xi) = problem.segments, search.terms(found)
     readings = problem.read(search.states(found), found.fit.point, members)
     residuals = readings - segments.readings
-    normal = problem.linearise(found.fit.point, members)
-    profiled = None if normal is None else normal.profiled()
+    covariance, normal = coefficient_covariance(search, found)
     count = len(members)
-    unknowns = count + problem.parameters.count
-    covariance = np.full((unknowns, unknowns), np.inf)
-    if profiled is not None and unknowns:
-        scale = np.sqrt(np.maximum(profiled[0].diagonal(), 1e-300))
-        inverse = np.linalg.pinv(profiled[0] / scale[:, None] / scale, hermitian=True)
-        covariance = search.level * inverse / scale[:, None] / scale
     misfit = float(np.nansum(np.square(residuals / problem.noise_stds)))
     return Law(
         candidates=candidates,

@@ -13,9 +13,13 @@ from dashred.inference.segments.gauss_newton import fit_nodes
 from dashred.inference.segments.point import Point
 from dashred.inference.segments.segments import Array
 from dashred.inference.segments.selection.causes import Cause, possible_forces
+from dashred.inference.segments.selection.correlated_noise import (
+    correlated_score,
+    residual_moments,
+)
 from dashred.inference.segments.selection.law_tendency import law_tendency
 from dashred.inference.segments.selection.search import SegmentSearch
-from dashred.inference.segments.selection.walk_choice import Walking, add_causes
+from dashred.inference.segments.selection.walk_choice import MARGIN, Walking, add_causes
 from dashred.inference.segments.walks import NO_WALKS
 from dashred.physics.terms.library import equations_with_candidates
 
@@ -80,12 +84,15 @@ def left_force(found: SegmentSearch, law: Walking) -> LeftForce | None:
     # This takes little time, and the deadline of the search may be over.
     law = replace(law, problem=replace(law.problem, deadline=NEVER))
     both = add_causes(law, forces_of(found))
-    if both is law:
+    gain = law.score - both.score
+    if residual_moments(law.problem, law.members, law.fit).redundancy > 1.0:
+        gain = _correlated_score(law) - _correlated_score(both)
+    if gain < MARGIN:
         return None
     problem, point, rate = both.problem, both.fit.point, found.natural.rate
     force = np.asarray(problem.walks.forces(point.walked, len(rate)))
     tendency = law_tendency(problem.simulator, point.nodes, *problem.terms(point, both.members))
-    left = LeftForce(both, law.score - both.score, force, rate, tendency)
+    left = LeftForce(both, gain, force, rate, tendency)
     return left if left.share > SMALLEST_SHARE else None
 
 
@@ -108,3 +115,7 @@ def force_beside(found: SegmentSearch, law: Law) -> LeftForce | None:
     begin = replace(Point.at(near.nodes, len(xi), near.parameters), xi=xi)
     fit = fit_nodes(problem, begin, members, STEPS)
     return left_force(found, Walking(problem, members, fit))
+
+
+def _correlated_score(law: Walking) -> float:
+    return correlated_score(law.problem, law.members, law.fit, law.price)

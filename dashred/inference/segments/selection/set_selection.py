@@ -85,8 +85,9 @@ def select(
         point, about, winner = best.fit.point, problem, best.members
     drop_needless(problem, fits)
     best = _ranked(problem, fits)[0]
-    small = _small_sets(problem, best) if len(best.members) > LARGEST else []
-    _refit_all(problem, best.fit.point, [(), *proposals, *small], fits)
+    _refit_all(problem, best.fit.point, [(), *proposals], fits)
+    if len(best.members) > LARGEST:
+        refit_small_sets(problem, best, fits)
     return _ranked(problem, fits)
 
 
@@ -117,6 +118,24 @@ def drop_needless(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> N
             break
 
 
+def refit_small_sets(
+    problem: WeakConstraintProblem, best: SegmentLaw, fits: dict[Set, NodeFit]
+) -> None:
+    """Refit promising sets of a few candidates, linearised about a law.
+
+    Args:
+        problem: F under which the sets are refitted.
+        best: the law.
+        fits: sets and their fits, updated.
+    """
+    profiled = profile(problem, best.fit.point)
+    if profiled is None:
+        return
+    sizes = beam_search(profiled, problem.is_extended)[1:]
+    small = [members for found in sizes for members in list(found)[:SMALL_SETS]]
+    _refit_all(problem, best.fit.point, small, fits)
+
+
 def _promising(
     problem: WeakConstraintProblem,
     profiled: ProfiledProblem,
@@ -134,15 +153,6 @@ def _promising(
     price = term_price(problem)
     ranked = sorted(costs, key=lambda s: costs[s] / level + price * len(s))[:REFITTED]
     return [s for s in ranked if s not in fits or costs[s] < fits[s].cost - STUCK * level]
-
-
-def _small_sets(problem: WeakConstraintProblem, best: SegmentLaw) -> list[Set]:
-    """Return promising sets of a few candidates, linearised about a law of many."""
-    profiled = profile(problem, best.fit.point)
-    if profiled is None:
-        return []
-    sizes = beam_search(profiled, problem.is_extended)[1:]
-    return [members for found in sizes for members in list(found)[:SMALL_SETS]]
 
 
 def _refit_all(

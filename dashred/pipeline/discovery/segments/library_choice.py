@@ -20,6 +20,10 @@ from dashred.inference.hypotheses.extended.extended_library import (
 )
 from dashred.inference.segments.natural_scales import natural_scales
 from dashred.inference.segments.selection.beside_errors import EXPLAINED, search_beside_errors
+from dashred.inference.segments.selection.correlated_ranking import (
+    has_correlated_residuals,
+    rank_correlated,
+)
 from dashred.inference.segments.selection.equivalent_laws import merge_equivalent
 from dashred.inference.segments.selection.left_force import forced_score
 from dashred.inference.segments.selection.search import SegmentSearch, search_further
@@ -78,9 +82,12 @@ def search_libraries(problem: Problem, nominal: NominalRun) -> tuple[Problem, Se
         hidden = with_hidden_state(problem, further, beside)
         if hidden is not None:
             return hidden
-    if beside is not None and _score(beside) < _score(further) - EXTENSION_GAIN:
-        return problem, beside
-    return wider, further
+    is_beside = beside is not None and _score(beside) < _score(further) - EXTENSION_GAIN
+    if has_correlated_residuals(beside if beside is not None and is_beside else further):
+        further = merge_equivalent(rank_correlated(further))
+        beside = None if beside is None else merge_equivalent(rank_correlated(beside))
+        is_beside = beside is not None and beside.best.score < further.best.score
+    return (problem, beside) if beside is not None and is_beside else (wider, further)
 
 
 def _beside_errors(found: SegmentSearch) -> SegmentSearch | None:
