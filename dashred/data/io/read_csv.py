@@ -30,9 +30,10 @@ from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.io.tables.columns import Columns
 from dashred.data.io.tables.csv_table import read_table
-from dashred.data.io.tables.long_table import is_long, widened
 from dashred.data.io.tables.recording_table import read_recording_table
 from dashred.data.io.tables.table_layout import TableLayout
+from dashred.data.io.tables.tidy.long_table import is_long, widened
+from dashred.data.io.tables.tidy.place_table import by_place, has_places
 from dashred.data.io.tables.time_column import (
     TimeColumn,
     changing_label,
@@ -51,7 +52,7 @@ def read_csv(
     """Read a recording and its table of sensors.
 
     An ODE system needs no table: columns named after its fields or derived quantities are the
-    sensors.
+    sensors. A system with axes needs none if the recording has a row for each time and place.
 
     Args:
         path: of the recording.
@@ -81,7 +82,7 @@ def episodes_of_file(
         InputError: as :func:`read_csv`.
     """
     if places is None:
-        read = list(observable_names(system))
+        read = [*observable_names(system), *(axis.name for axis in system.axes)]
     else:
         read = places.texts("name") if "name" in places.columns else []
     used = {*layout.ignored, *system.inputs.values(), *read}
@@ -111,10 +112,13 @@ def episodes_of_table(
     stated = StatedUnits(system)
     check_ignored(table, ignored)
     named = [] if places is None or "name" not in places.columns else places.texts("name")
-    unread: list[str] = []
+    source, placed, read = table, None, {SENSOR, VALUE}
     if is_long(table, (*observable_names(system), *named)):
-        long, table = table, widened(table, time, stated, layout)
-        unread = [name for name in long.columns if name not in (*table.columns, SENSOR, VALUE)]
+        table = widened(table, time, stated, layout)
+    elif places is None and has_places(table, system):
+        table, placed = by_place(table, time, stated, ignored)
+        read = {axis.name for axis in system.axes} | {sensor.reads for sensor in placed}
+    unread = [name for name in source.columns if name not in {*table.columns, *read}]
     clock, parts = read_times(table, time, stated), _episode_rows(table)
     times = clock.values
     if len(parts) == 1:
@@ -123,7 +127,9 @@ def episodes_of_table(
     inputs = _inputs(table, system, stated)
     others = (*RESERVED, *time.columns, *system.inputs.values(), *ignored)
     columns = [column for column in table.columns if column not in others]
-    if places is None:
+    if placed is not None:
+        sensors = placed
+    elif places is None:
         check_no_axes(table, system)
         sensors = [Sensor(name, reads=name) for name in observable_names(system)]
     else:

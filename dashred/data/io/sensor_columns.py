@@ -62,7 +62,9 @@ def check_no_axes(table: Columns, system: SystemDescription) -> None:
     if system.axes:
         axes = ", ".join(axis.name for axis in system.axes)
         problem = f"the positions of the sensors (name, field, {axes}, std) are not given"
-        hint = "give the table of sensors with recording.sensors=PATH"
+        hint = "give the table of sensors with recording.sensors=PATH; a recording with a row for "
+        hint += f"each time and place has columns for {axes} instead: recording.columns="
+        hint += f"{{{system.axes[0].name}: COLUMN}}"
         raise InputError(problem, where=table.path, hint=hint)
 
 

@@ -19,8 +19,8 @@ from dashred.data.io.reader import read_episodes
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.io.tables.columns import Columns
 from dashred.data.io.tables.csv_table import read_table
-from dashred.data.io.tables.long_table import widened
 from dashred.data.io.tables.table_layout import TIMES, TableLayout, split_header
+from dashred.data.io.tables.tidy.long_table import widened
 from dashred.data.io.tables.time_column import TimeColumn, find_time_column, has_dates, read_times
 from dashred.data.recording import Recording
 from dashred.data.sensors import RESERVED
@@ -28,7 +28,11 @@ from dashred.pipeline.init.guessed_system import NONE_CHOSEN, ChosenColumns, Gue
 from dashred.pipeline.init.held import changes_in_steps
 from dashred.pipeline.init.layout import check_names, has_numbers, read_with_guessed_names
 from dashred.pipeline.init.long import may_name_sensors
-from dashred.pipeline.init.sensor_axes import system_from_sensors
+from dashred.pipeline.init.sensor_axes import (
+    place_columns,
+    system_from_places,
+    system_from_sensors,
+)
 
 # More columns than the first number are probably not the fields of an ODE; more than the second are
 # an error.
@@ -68,7 +72,8 @@ def read_recording(
     if {SENSOR, VALUE} <= set(layout.headers):
         driven = GuessedSystem((), (), inputs={name: name for name in chosen.inputs})
         table = widened(own, time, StatedUnits(driven), layout)
-    times = time.columns
+    axes = place_columns(own, time) if sensors_table is None else ()
+    times = (*time.columns, *axes)
     driving = [_column(table, layout, name, "inputs") for name in chosen.inputs]
     check_names(driving, "input", path)
     wanted = [_column(table, layout, name, "fields") for name in chosen.fields]
@@ -88,6 +93,8 @@ def read_recording(
         guessed = _system_from_columns(table, (*times, *driving, *unread))
     else:
         guessed = system_from_sensors(read_table(sensors_table))
+    if axes:
+        guessed = system_from_places(guessed, own, axes)
     held = tuple(name for name in driving if changes_in_steps(table.numbers(name)))
     inputs = {name: name for name in driving}
     guessed = replace(guessed, inputs=inputs, held_inputs=held, others=own.others)

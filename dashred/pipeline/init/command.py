@@ -139,6 +139,9 @@ def main(argv: list[str]) -> int:
         print(f"left out: {', '.join(guessed.empty)} (no values in the part that is used)")
     if SENSOR in layout.headers:
         print(f"one row for each reading: column {layout.headers[SENSOR]} names its sensor")
+    if guessed.axes and table is None:
+        listed = ", ".join(axis.name for axis in guessed.axes)
+        print(f"one row for each time and place: the place is in {listed}")
     if groups := unclear_groups(path):
         print(f"the groups of columns, {', '.join(groups)}, are read as episodes")
     if guessed.texts:

@@ -174,3 +174,22 @@ def test_a_column_that_begins_after_the_part_is_left_out(
     found = written(tmp_path, "\n".join(["time,x,late", *rows, ""]), "end=5")
     assert found["fields"] == ["x"]
     assert "left out: late (no values in the part that is used)" in capsys.readouterr().out
+
+
+def test_a_row_for_each_time_and_place_is_a_field_in_space(tmp_path: Path) -> None:
+    rows = [f"{t},{x},{np.cos(x + t)}" for t in TIMES for x in (0.2, 1.0, 1.8)]
+    path, output = tmp_path / "r.csv", tmp_path / "mine.yaml"
+    path.write_text("\n".join(["t,depth below surface (m),temperature,", *rows, ""]))
+    assert command.main([f"path={path}", f"output={output}"]) == 0
+    config = load_config([f"conf={output}"], entry="train")
+    assert [*config.system.axes] == ["depth_below_surface"]
+    assert [*config.system.fields] == ["temperature"]
+    system = System(config.system, config.where)
+    [episode] = read_recorded(config, system).episodes
+    assert [sensor.position for sensor in episode.recording.sensors] == [(0.2,), (1.0,), (1.8,)]
+
+
+def test_fields_called_x_and_y_are_no_places(tmp_path: Path) -> None:
+    rows = [f"{t},{np.cos(t)},{np.sin(t)}" for _ in range(2) for t in TIMES]
+    found = written(tmp_path, "\n".join(["t,x,y", *rows, ""]))
+    assert found["fields"] == ["x", "y"]

@@ -21,9 +21,11 @@ UNIT_OF_TIMES = {
     **dict.fromkeys(("micros", "microseconds"), "us"),
     **dict.fromkeys(("millis", "milliseconds"), "ms"),
     **dict.fromkeys(("secs", "seconds"), "s"),
-    "minutes": "min",
-    "hours": "h",
+    **dict.fromkeys(("mins", "minutes"), "min"),
+    **dict.fromkeys(("hrs", "hours"), "h"),
     "days": "d",
+    "weeks": "week",
+    "years": "year",
 }
 STEMS = (*TIMES, "elapsed", "epoch", "uptime")
 ENDINGS = {"us": "us", "ms": "ms", "s": "s", "sec": "s", "min": "min", "h": "h", "d": "d"}

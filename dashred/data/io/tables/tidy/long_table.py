@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -17,68 +15,8 @@ from dashred.data.io.tables.columns import Columns
 from dashred.data.io.tables.dates import CLOCK
 from dashred.data.io.tables.table_header import read_header
 from dashred.data.io.tables.table_layout import TableLayout
+from dashred.data.io.tables.tidy.wide_table import EMPTY, WideTable, distinct_times, shared_cells
 from dashred.data.io.tables.time_column import TimeColumn, read_times
-
-# No row has a value for this cell.
-EMPTY = -1
-
-
-@dataclass(frozen=True, eq=False)
-class WideTable:
-    """A long table as :class:`Columns`: one row for each time, one column for each sensor.
-
-    Attributes:
-        source: the long table.
-        columns: of the times, the episodes and the inputs, and the sensors.
-        units: of the columns.
-        cells: source column and source row of every cell, ``(row,)``, by column.
-    """
-
-    source: Columns
-    columns: tuple[str, ...]
-    units: Mapping[str, str]
-    cells: Mapping[str, tuple[str, NDArray[np.intp]]] = field(repr=False)
-
-    @property
-    def path(self) -> str:
-        """What messages call the table."""
-        return self.source.path
-
-    def __len__(self) -> int:
-        """Count of times, of all episodes."""
-        return len(next(iter(self.cells.values()))[1])
-
-    def location(self, row: int, column: str | None = None) -> str:
-        """Where a cell stands; of a row, or an empty cell, the first reading of this time."""
-        first = self.cells[self.columns[0]]
-        origin, rows = first if column is None else self.cells.get(column, first)
-        if rows[row] == EMPTY:
-            origin, rows = first
-        return self.source.location(int(rows[row]), None if column is None else origin)
-
-    def header_location(self, column: str) -> str:
-        """Where the name of a column stands."""
-        return self.source.header_location(self.cells[column][0])
-
-    def texts(self, column: str) -> list[str]:
-        """The column's cells as texts; an empty text is a missing value."""
-        origin, rows = self.cells[column]
-        cells = self.source.texts(origin)
-        return ["" if row == EMPTY else cells[row] for row in rows.tolist()]
-
-    def numbers(self, column: str) -> NDArray[np.float64]:
-        """The column as float64, shape (row,); NaN is a missing value.
-
-        Raises:
-            InputError: there is a cell that is not a number.
-        """
-        origin, rows = self.cells[column]
-        values = self._values if origin == VALUE else self.source.numbers(origin)
-        return np.where(rows == EMPTY, np.nan, values[rows])
-
-    @cached_property
-    def _values(self) -> NDArray[np.float64]:
-        return self.source.numbers(VALUE)
 
 
 def is_long(table: Columns, others: Sequence[str]) -> bool:
@@ -118,19 +56,11 @@ def widened(
         raise InputError("the sensor has no name here", where=table.location(nameless, SENSOR))
     times = read_times(table, time, stated).values
     _check_clock(table, time, names)
-    labels = table.texts("episode") if "episode" in table.columns else [""] * len(table)
-    numbers = {label: number for number, label in enumerate(dict.fromkeys(labels))}
-    keys = np.stack([[numbers[label] for label in labels], times], axis=1)[read]
-    _, firsts, at = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    firsts, at = read[firsts], at.reshape(-1)
+    firsts, at = distinct_times(table, times, read)
     name_of = np.array(names)[read]
     plain = [*dict.fromkeys(name_of.tolist())]
     headers, units = _headers(table, plain, layout)
-    kept = [name for name in table.columns if name in (*time.columns, "episode")]
-    driving = [name for name in stated.system.inputs.values() if name in table.columns]
-    for name in driving:
-        _check_one_value(table, name, read, firsts[at])
-    cells = {name: (name, firsts) for name in dict.fromkeys((*kept, *driving))}
+    cells = shared_cells(table, time, stated.system.inputs.values(), read, firsts, at)
     for header, sensor in zip(headers, plain, strict=True):
         rows = np.full(len(firsts), EMPTY)
         if header in cells:
@@ -171,23 +101,6 @@ def _check_once(table: Columns, sensor: str, rows: NDArray[np.intp], at: NDArray
     hint = "if the runs of several episodes are told apart by a column: "
     hint += "recording.columns={..., episode: COLUMN}; else keep one of the readings"
     raise InputError(problem, where=table.location(int(rows[again]), SENSOR), hint=hint)
-
-
-def _check_one_value(
-    table: Columns, column: str, rows: NDArray[np.intp], firsts: NDArray[np.intp]
-) -> None:
-    """Check that an input has one value at each time.
-
-    Raises:
-        InputError: it has two.
-    """
-    cells = np.array(table.texts(column))
-    other = np.flatnonzero(cells[rows] != cells[firsts])
-    if other.size:
-        row = int(rows[other[0]])
-        problem = f"the input has another value at this time, {str(cells[firsts[other[0]]])!r}"
-        hint = "give it one value at each time"
-        raise InputError(problem, where=table.location(row, column), hint=hint)
 
 
 def _check_clock(table: Columns, time: TimeColumn, names: Sequence[str]) -> None:

@@ -1,0 +1,1 @@
+"""Tables with several rows for each time: one for each reading, or for each place."""
