@@ -57,6 +57,11 @@ def rounded(value: float, error: float) -> tuple[str, str]:
     return first, second
 
 
+def plural(count: int, noun: str) -> str:
+    """Return ``1 sensor``, ``2 sensors``."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
 def joined(parts: Sequence[str]) -> str:
     """Return parts as a list in a sentence: ``X``, ``X and G``, or ``X, G and W``."""
     *most, last = parts

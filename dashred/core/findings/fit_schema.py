@@ -78,6 +78,13 @@ The simulation predicts no held-out data better than their mean does, or it disa
 that no fit has used.
 """
 
+Doubt = Literal["worse", "few-readings"] | FaultContradiction
+"""Why an explanation is not confirmed.
+
+With the law the error on some held-out data is larger, or the readings are too few to prove it; or
+held-out data contradict that only sensors err.
+"""
+
 LARGEST_OWN_ERROR = 1e6
 """From this numerical error on, one of the two simulations that are compared is not finite."""
 
@@ -105,8 +112,7 @@ class Fit(HeldOut):
     `comparisons` tell whether held-out data support the law.
     `misfit_at_test_sensors` is the RMSE of the corrected simulator at each test sensor, in
     standard deviations of the residuals at the fitted sensors.
-    `faults_contradicted` tells how held-out data contradict that only sensors err. It is null if
-    they do not, or if something else was found.
+    `unconfirmed` tells why the explanation is not confirmed; null unless this is the verdict.
     """
 
     comparisons: list[Comparison]
@@ -124,7 +130,7 @@ class Fit(HeldOut):
     chi2: float | None
     unexplained: float | None
     misfit_at_test_sensors: dict[str, float] | None
-    faults_contradicted: NotRequired[FaultContradiction | None]
+    unconfirmed: NotRequired[Doubt | None]
 
 
 def errors_by_method(**rmse: float) -> ErrorsByMethod:

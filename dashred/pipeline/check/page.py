@@ -5,7 +5,8 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Iterable
 
-from dashred.pipeline.check.remark import Remark, plural
+from dashred.core.formatting import plural
+from dashred.pipeline.check.remark import Remark
 
 MARKS = {"ok": " ", "warning": "?", "to do": "!", "error": "x"}
 WIDTH = 98

@@ -27,11 +27,6 @@ def warning(text: str, hint: str | None = None) -> Remark:
     return Remark(text, "warning", hint)
 
 
-def plural(count: int, noun: str) -> str:
-    """Return ``1 sensor``, ``2 sensors``."""
-    return f"{count} {noun}{'' if count == 1 else 's'}"
-
-
 def shortened(names: list[str], most: int = 4) -> str:
     """Return the first names and the number of the others: ``s1, s2 and 7 more``."""
     if len(names) <= most + 1:

@@ -7,11 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 import torch
 
+from dashred.core.formatting import plural
 from dashred.physics.black_box.snapshot_reader import SnapshotReader
 from dashred.physics.runs.stored_states import StoredStates, each_state
 from dashred.pipeline.check.agreement import compare_amplitudes
 from dashred.pipeline.check.memory import memory_remark
-from dashred.pipeline.check.remark import Remark, plural
+from dashred.pipeline.check.remark import Remark
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.snapshots.snapshot_runs import memory_of_snapshots, segment_length
 

@@ -29,8 +29,8 @@ def start_values(problem: Problem) -> int:
     return 0 if system.axes else len(system.fields) * len(problem.episodes)
 
 
-def with_enough_readings(verdict: Verdict, coefficients: int, readings: int, start: int) -> Verdict:
-    """Return the verdict; ``unconfirmed`` if it states a law that so few readings do not prove.
+def are_too_few(verdict: Verdict, coefficients: int, readings: int, start: int) -> bool:
+    """Return whether the verdict states a law that so few readings do not prove.
 
     Args:
         verdict: that the best law has.
@@ -38,5 +38,4 @@ def with_enough_readings(verdict: Verdict, coefficients: int, readings: int, sta
         readings: as of :func:`fitted_readings`.
         start: as of :func:`start_values`.
     """
-    is_scant = readings - start < FEWEST_READINGS * coefficients
-    return "unconfirmed" if verdict in FIRM and is_scant else verdict
+    return verdict in FIRM and readings - start < FEWEST_READINGS * coefficients

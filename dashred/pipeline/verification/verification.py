@@ -7,7 +7,7 @@ from dataclasses import replace
 import torch
 
 from dashred.core.findings.cause_schema import Cause
-from dashred.core.findings.fit_schema import Fit
+from dashred.core.findings.fit_schema import Doubt, Fit
 from dashred.core.findings.schema import (
     Findings,
     Latent,
@@ -36,9 +36,9 @@ from dashred.pipeline.verification.comparison import compare_held_out, misfits_a
 from dashred.pipeline.verification.confirmation import contradiction_of_faults, is_law_contradicted
 from dashred.pipeline.verification.energy import energy_loss
 from dashred.pipeline.verification.few_readings import (
+    are_too_few,
     fitted_readings,
     start_values,
-    with_enough_readings,
 )
 from dashred.pipeline.verification.findings_input import build_input
 from dashred.pipeline.verification.held_out import (
@@ -69,15 +69,16 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     misfits = misfits_at_sensors(predictions["test_sensors"], noise)
     faults = [] if kind == "not-converged" else held_out_faults(problem, analysis)
     is_local = err_next_to(problem, discovered.best.faults, faults)
-    against = None
+    readings, start = fitted_readings(problem), start_values(problem)
+    doubt: Doubt | None = None
     if kind == "sensor-fault":
         share = float((problem.noise_of(names) / scale).median())
-        against = contradiction_of_faults(comparisons, misfits, is_local, share)
-    if against or is_law_contradicted(kind, causes, discovered.best, comparisons):
-        kind = "unconfirmed"
-    coefficients = len(discovered.best.candidates)
-    readings, start = fitted_readings(problem), start_values(problem)
-    kind = with_enough_readings(kind, coefficients, readings, start)
+        doubt = contradiction_of_faults(comparisons, misfits, is_local, share)
+    elif is_law_contradicted(kind, causes, discovered.best, comparisons):
+        doubt = "worse"
+    elif are_too_few(kind, len(discovered.best.candidates), readings, start):
+        doubt = "few-readings"
+    kind = kind if doubt is None else "unconfirmed"
     kind, causes = with_faults(kind, causes, map(problem.fault_details, faults))
     # The residuals have the same σ in all episodes.
     law, std = discovered.best, discovered.noise.std[: len(names)]
@@ -101,7 +102,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         chi2=discovered.best.chi2,
         unexplained=left,
         misfit_at_test_sensors=misfits or None,
-        faults_contradicted=against,
+        unconfirmed=doubt,
         **held_out_errors(predictions),
     )
     proposed = {n: proposals(problem, f) for n, f in analysis.assimilated.proposals.items()}

@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from dashred.core.formatting import pretty
+from dashred.core.formatting import plural, pretty
 from dashred.reporting.figures.style import CYCLE, GREY, LIGHT, new_figure, style
 
 LABEL_GAP = 0.075  # minimum distance of two labels, as a fraction of the panel's height
@@ -59,7 +59,7 @@ def _draw_panel(
     axes.autoscale_view()
     others = len(order) - len(named)
     if others:
-        _add_corner_note(axes, f"grey: {others} other term{'s' * (others > 1)}")
+        _add_corner_note(axes, f"grey: {plural(others, 'other term')}")
     if not order:
         _add_corner_note(axes, "no term proposed at any epoch")
     _label_ends(axes, named, [last[label] for label in named])

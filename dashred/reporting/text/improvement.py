@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dashred.core.findings.fit_schema import LARGEST_OWN_ERROR
-from dashred.core.formatting import number, rounded
+from dashred.core.formatting import number, plural, rounded
 from dashred.core.units import NO_UNITS, TIME, with_unit
 
 # A run whose error, in standard deviations of the readings, is larger than this has diverged.
@@ -138,11 +138,7 @@ def is_unsupported(findings: Mapping[str, Any]) -> bool:
 
 def is_scant(findings: Mapping[str, Any]) -> bool:
     """Return whether a law is not confirmed because the readings are too few to prove it."""
-    fit = findings["fit"]
-    is_worse = any(each["worse"] for each in fit.get("comparisons", ()))
-    contradicted = is_worse or fit.get("faults_contradicted") is not None
-    is_counted = findings["verdict"] == "unconfirmed" and "readings" in fit
-    return is_counted and bool(findings["terms"]) and not contradicted
+    return bool(findings["fit"].get("unconfirmed") == "few-readings")
 
 
 def contradictions(findings: Mapping[str, Any]) -> list[str]:
@@ -159,8 +155,10 @@ def contradictions(findings: Mapping[str, Any]) -> list[str]:
 def _too_few(findings: Mapping[str, Any]) -> str:
     """Return that many laws fit so few readings."""
     fit, terms = findings["fit"], findings["terms"]
-    coefficients = f"{len(terms)} coefficient{'s' * (len(terms) != 1)}"
-    start = f"{fit['start_values']} start value{'s' * (fit['start_values'] != 1)}"
+    coefficients, start = (
+        plural(len(terms), "coefficient"),
+        plural(fit["start_values"], "start value"),
+    )
     return (
         f"{coefficients} and {start} were fitted to {fit['readings']} readings: other laws with as "
         "many terms fit so few. Record more readings, or list only the terms that are possible in "
@@ -171,7 +169,7 @@ def _too_few(findings: Mapping[str, Any]) -> str:
 def _contradicted_faults(fit: Mapping[str, Any]) -> str:
     """Return why not only sensors err."""
     likely = "It does not: an effect that the simulation lacks is more likely."
-    if fit.get("faults_contradicted") == "no-better-than-mean":
+    if fit.get("unconfirmed") == "no-better-than-mean":
         return (
             "If only these sensors erred, the simulation would predict the others better than "
             f"their mean does. {likely}"
@@ -284,7 +282,7 @@ def assimilation_gains(findings: Mapping[str, Any]) -> list[str]:
 
 def count_text(samples: int | None) -> str:
     """Return a number of held-out samples for the head of a table: `` (44 samples)``."""
-    return "" if samples is None else f" ({samples} sample{'s' * (samples != 1)})"
+    return "" if samples is None else f" ({plural(samples, 'sample')})"
 
 
 def _little_evidence(samples: int | None) -> str:

@@ -175,7 +175,7 @@ def test_unconfirmed_faults_are_told_with_the_misfits_at_the_test_sensors() -> N
         "There is no confirmed result: faulty sensors would explain the readings used in the fit, "
         "but held-out data disagree with the simulation, too."
     )
-    told["fit"]["faults_contradicted"] = "no-better-than-mean"
+    told["fit"]["unconfirmed"] = "no-better-than-mean"
     assert verdict_lines(told)[1] == (
         "  If only these sensors erred, the simulation would predict the others better than their "
         "mean does. It does not: an effect that the simulation lacks is more likely."

@@ -7,10 +7,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from dashred.core.formatting import plural
 from dashred.data.clocks.interruptions import interruptions
 from dashred.data.clocks.resampling import MAX_GAP, native_step
 from dashred.data.recording import Recording
-from dashred.pipeline.check.remark import Remark, plural, warning
+from dashred.pipeline.check.remark import Remark, warning
 
 # Relative deviation from the mean step above which a clock is irregular.
 IRREGULAR = 0.05

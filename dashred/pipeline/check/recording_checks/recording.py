@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dashred.core.formatting import plural
 from dashred.core.units import with_unit
 from dashred.data.recording import Recording
 from dashred.pipeline.check.context import CheckContext
@@ -24,7 +25,7 @@ from dashred.pipeline.check.recording_checks.values import (
     repeated_remarks,
     sentinel_remarks,
 )
-from dashred.pipeline.check.remark import Remark, plural
+from dashred.pipeline.check.remark import Remark
 
 
 def recording_remarks(context: CheckContext) -> Iterator[Remark]:
