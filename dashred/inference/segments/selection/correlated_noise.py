@@ -89,6 +89,8 @@ def correlated_score(
     moments = residual_moments(problem, members, fit)
     counts, variance = moments.counts, moments.variance
     likelihood = float(counts @ np.log(variance * (1 - moments.correlation**2)))
-    # The part of F that the model error and the priors have, in units of the noise.
-    priors = (fit.cost - float(counts @ variance)) / problem.level([fit.cost])
+    # The part of F that the model error and the priors have, in units of the noise. The model error
+    # follows the noise, so it is correlated as well.
+    unit = problem.level([fit.cost]) * moments.redundancy
+    priors = (fit.cost - float(counts @ variance)) / unit
     return likelihood + priors + term_price(problem) * len(members) + price

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from dashred.config import load_config
@@ -19,9 +20,22 @@ from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun, simulate_nominal
 
+Noise = Callable[[np.random.Generator], NDArray[np.float64]]
 Search = Callable[..., tuple[Problem, NominalRun, SegmentSearch]]
 TIMES = np.linspace(0, 16, 401)
 SPLITS = "splits: {sensors: {validate: 0, test: 0, extra: 0}}\n"
+
+
+def white_noise(rng: np.random.Generator) -> NDArray[np.float64]:
+    return 0.01 * rng.standard_normal(len(TIMES))
+
+
+def smoothed_noise(rng: np.random.Generator) -> NDArray[np.float64]:
+    """Noise of a logger that smooths, correlated by 0.95 from sample to sample."""
+    noise = rng.standard_normal(len(TIMES))
+    for i in range(1, len(TIMES)):
+        noise[i] = 0.95 * noise[i - 1] + np.sqrt(1 - 0.95**2) * noise[i]
+    return 0.03 * noise
 
 
 @pytest.fixture
@@ -29,17 +43,18 @@ def search(tmp_path: Path) -> Search:
     """Search the law of ``x' = v, v' = tendency`` from readings of some columns."""
 
     def run(
-        system: str, tendency: Callable[[float, float], float], columns: str = "xv", **reads: float
+        system: str,
+        tendency: Callable[[float, float], float],
+        columns: str = "xv",
+        noise: Noise = white_noise,
+        **reads: float,
     ) -> tuple[Problem, NominalRun, SegmentSearch]:
         exact = solve_ivp(
             lambda t, u: [u[1], tendency(*u)], (0, 16), [1.0, 0.2], t_eval=TIMES, max_step=0.01
         ).y
         named = dict(zip("xv", exact, strict=True))
         rng = np.random.default_rng(4)
-        readings = [
-            reads.get(name, 1.0) * named[name] + 0.01 * rng.standard_normal(len(TIMES))
-            for name in columns
-        ]
+        readings = [reads.get(name, 1.0) * named[name] + noise(rng) for name in columns]
         header = ",".join(["time", *columns])
         table = np.column_stack([TIMES, *readings])
         path = tmp_path / "recording.csv"
@@ -139,3 +154,13 @@ def test_one_trajectory_follows_the_law_of_the_segments(search: Search) -> None:
     assert str(candidates[member]) == "v: x**3"
     assert float(horizon.phi[objective.modes + member]) == pytest.approx(-0.3, abs=0.01)
     assert guess.name == "segments"
+
+
+def test_noise_of_a_logger_that_smooths_needs_no_terms(search: Search) -> None:
+    _, _, found = search(
+        SPRING + POLYNOMIALS,
+        lambda x, v: -4 * x - 0.05 * v - 0.3 * x**3,
+        noise=smoothed_noise,
+    )
+    assert names(found) == ["v: x**3"]
+    assert not found.errors
