@@ -18,6 +18,8 @@ MIN_SAMPLES = 8
 MIN_EPISODE_SAMPLES = 6
 # A step between samples of an interpolated input that is this many times the median is a gap.
 MAX_INPUT_GAP = 5.0
+# If a larger share of the rows repeats a time, the table may have a row for each reading.
+MANY_REPEATED = 0.1
 # Larger numbers are sentinels of a missing value or damage, and their squares overflow.
 MAX_ABS_VALUE = 1e100
 
@@ -174,6 +176,9 @@ def _check_times(times: NDArray[np.float64], place: Locate) -> None:
             count = int((times[1:] == times[:-1]).sum())
             rows = "this row repeats" if count == 1 else f"{count} rows repeat"
             hint += f"; {rows} the time of the row before: keep one row for each time"
+            if count > MANY_REPEATED * len(times):
+                hint += ", or tell the rows of one time apart: "
+                hint += "recording.columns={sensor: COLUMN, value: COLUMN}, or {x: COLUMN}"
         else:
             hint += "; if the clock was started again, name the runs in a column 'episode'"
         raise InputError(problem, where=place(row, "time"), hint=hint)

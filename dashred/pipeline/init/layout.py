@@ -68,7 +68,7 @@ def read_with_guessed_names(
     groups = unclear_groups(path)
     headers = {"episode": groups[0]} if groups else {}
     table = read_recording_table(path, TableLayout(headers=headers))
-    likely = None if named_times(table) else likely_times(table, ignored)
+    likely = None if named_times(table, ignored) else likely_times(table, ignored)
     if likely is None:
         time = find_time_column(table, STEP, ignored)
     elif (both := date_and_clock(table)) is not None:

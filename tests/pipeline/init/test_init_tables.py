@@ -176,6 +176,40 @@ def test_a_column_that_begins_after_the_part_is_left_out(
     assert "left out: late (no values in the part that is used)" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("names", [("sensor", "value"), ("dvid", "dv")])
+def test_numbers_name_the_sensors_if_both_headers_say_so(
+    tmp_path: Path, names: tuple[str, str]
+) -> None:
+    rows = [
+        f"{run},{t},{s},{run + t + s if t else '.'}"
+        for run in (7, 8, 9)
+        for s in (1, 2)
+        for t in TIMES
+    ]
+    found = written(tmp_path, "\n".join([f"id,time,{','.join(names)}", *rows, ""]))
+    own = {"episode": "id", "sensor": names[0], "value": names[1]}
+    assert found["columns"] == {**own, "u_1": "1", "u_2": "2"}
+    assert found["fields"] == ["u_1", "u_2"]
+
+
+def test_a_reading_that_is_repeated_is_told_with_its_episode(tmp_path: Path) -> None:
+    rows = [f"{run},{t},{s},{t}" for run in (7, 8) for s in "ab" for t in TIMES]
+    path = tmp_path / "r.csv"
+    path.write_text("\n".join(["subject,time,channel,value", *rows, rows[-1], ""]))
+    with pytest.raises(InputError, match="'b' has a second reading at this time of episode '8'"):
+        command.main([f"path={path}", f"output={tmp_path / 'mine.yaml'}"])
+
+
+def test_elapsed_times_come_before_a_count_of_the_rows(tmp_path: Path) -> None:
+    rows = [f"{i},{13 + i // 8},{np.cos(t)},{t}" for i, t in enumerate(TIMES)]
+    path, output = tmp_path / "r.csv", tmp_path / "mine.yaml"
+    path.write_text("\n".join(["id,hour,u,elapsed", *rows, ""]))
+    assert command.main([f"path={path}", f"output={output}"]) == 0
+    config = load_config([f"conf={output}"], entry="train")
+    [episode] = read_recorded(config, System(config.system, config.where)).episodes
+    np.testing.assert_array_equal(episode.recording.times, TIMES)
+
+
 def test_a_row_for_each_time_and_place_is_a_field_in_space(tmp_path: Path) -> None:
     rows = [f"{t},{x},{np.cos(x + t)}" for t in TIMES for x in (0.2, 1.0, 1.8)]
     path, output = tmp_path / "r.csv", tmp_path / "mine.yaml"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-MISSING = frozenset({"na", "n/a", "#n/a", "<na>", "nan", "null", "none", "-", "--"})
+MISSING = frozenset({"na", "n/a", "#n/a", "<na>", "nan", "null", "none", "-", "--", "."})
 
 
 def blank_missing(rows: list[list[str]]) -> None:

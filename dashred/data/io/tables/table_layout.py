@@ -28,6 +28,8 @@ UNIT_OF_TIMES = {
     "years": "year",
 }
 STEMS = (*TIMES, "elapsed", "epoch", "uptime")
+# Beginning of a name of a column of times, in any capitalisation.
+ELAPSED = "elapsed"
 ENDINGS = {"us": "us", "ms": "ms", "s": "s", "sec": "s", "min": "min", "h": "h", "d": "d"}
 ENDINGS |= UNIT_OF_TIMES
 

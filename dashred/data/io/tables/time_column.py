@@ -16,7 +16,7 @@ from dashred.data.io.stated_units import StatedUnits
 from dashred.data.io.tables.columns import Columns
 from dashred.data.io.tables.csv_table import is_number
 from dashred.data.io.tables.dates import CLOCK, is_date, read_dates, seconds_until
-from dashred.data.io.tables.table_layout import TIMES, split_header, unit_of_times
+from dashred.data.io.tables.table_layout import ELAPSED, TIMES, split_header, unit_of_times
 
 SECONDS = {
     "us": 1e-6,
@@ -79,11 +79,11 @@ def find_time_column(
     Raises:
         InputError: there is no such column and no step, or there are several columns.
     """
-    candidates = named_times(table)
+    candidates = named_times(table, ignored)
     times, dates = ([c for c in candidates if c.lower() == name] for name in ("time", "date"))
     if len(times) == len(dates) == 1 and _has_clock(table, times[0]):
         return TimeColumn((dates[0], times[0]))
-    if "time" in table.columns:
+    if "time" in candidates:
         return TimeColumn(("time",))
     if len(candidates) == 1:
         return TimeColumn((candidates[0],))
@@ -108,12 +108,14 @@ def has_dates(table: Columns, column: TimeColumn) -> bool:
     return is_date(first)
 
 
-def named_times(table: Columns) -> list[str]:
-    """Return the columns with a name for times; ``time`` comes first.
+def named_times(table: Columns, ignored: Collection[str] = ()) -> list[str]:
+    """Return the columns with a name for times that are not ignored; ``time`` comes first.
 
-    A name with a unit, such as ``time_ms`` or ``millis``, counts if there is no other.
+    A name with a unit, such as ``time_ms`` or ``millis``, counts if there is no other, and then a
+    name such as ``elapsed``.
     """
-    plain = {column: split_header(column)[0] for column in table.columns}
+    read = (column for column in table.columns if column not in ignored)
+    plain = {column: split_header(column)[0] for column in read}
     # T is a temperature.
     named = [
         column
@@ -121,7 +123,9 @@ def named_times(table: Columns) -> list[str]:
         for column, bare in plain.items()
         if bare.lower() == name and bare != "T"
     ]
-    return named or [column for column, bare in plain.items() if unit_of_times(bare) is not None]
+    with_unit = [column for column, bare in plain.items() if unit_of_times(bare) is not None]
+    elapsed = [column for column, bare in plain.items() if bare.lower().startswith(ELAPSED)]
+    return named or with_unit or elapsed
 
 
 def likely_times(table: Columns, ignored: Collection[str] = ()) -> str | None:

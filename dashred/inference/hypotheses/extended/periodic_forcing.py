@@ -110,8 +110,10 @@ def fit_periodic_laws(
 
 
 def _frequency_grid(times: Tensor) -> Tensor:
-    """Return ω from one period over the record to the fastest that the knots resolve."""
-    turns = torch.arange(1.0, KNOTS / KNOTS_PER_PERIOD, FREQUENCY_STEP, dtype=torch.float64)
+    """Return ω from one period over the record to the fastest that knots and samples resolve."""
+    samples = max(len(column.unique()) for column in times.reshape(len(times), -1).T)
+    most = min(KNOTS / KNOTS_PER_PERIOD, (samples - 1) / 2)
+    turns = torch.arange(1.0, most, FREQUENCY_STEP, dtype=torch.float64)
     return 2 * math.pi * turns / float(times.max() - times.min())
 
 
@@ -163,6 +165,7 @@ def _fit_wave(
     times = base.objective.forward_model.times
     first, last = float(times.min()), float(times.max())
     middle, half = (first + last) / 2, (last - first) / 2
+    fastest = float(_frequency_grid(times)[-1])
     own, phi = len(base.phi), base.phi
     for _ in range(ROUNDS):
         slope = _build_slope(base, wave, middle, half)
@@ -173,7 +176,7 @@ def _fit_wave(
         sine, cosine, shift = fitted.phi[own:].tolist()
         moved = wave.frequency + min(max(shift, -math.pi / half), math.pi / half)
         # Below one period over the record, a wave is only a trend.
-        frequency = max(moved, math.pi / half)
+        frequency = min(max(moved, math.pi / half), fastest)
         wave = replace(wave, sine=sine, cosine=cosine).at(frequency, middle)
         if abs(shift) * half < CONVERGED_PHASE:
             break

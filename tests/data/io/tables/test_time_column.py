@@ -12,7 +12,7 @@ import pytest
 
 from dashred.core.errors import InputError
 from dashred.data.io.in_memory import read_in_memory
-from dashred.data.io.reader import read_recording
+from dashred.data.io.reader import read_episodes, read_recording
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.io.tables.csv_table import read_table
 from dashred.data.io.tables.dates import CLOCK_FORMAT, is_date, seconds_until
@@ -181,3 +181,11 @@ def test_times_that_a_logger_rounds_are_found_by_their_unit(write: Write) -> Non
     # Two columns in a unit of time say nothing; numbers that always increase do.
     table = read_table(write("s.csv", "n,rise (s),fall (s)\n1,0,0\n2,0,0\n3,1,1\n"))
     assert likely_times(table) == "n"
+
+
+def test_a_column_that_is_ignored_has_no_times(write: Write, ode: Any) -> None:
+    rows = [f"{0.03 * i:.1f},{np.cos(i)}" for i in range(20)]
+    path = write("r.csv", "\n".join(["t,u", *rows, ""]))
+    layout = TableLayout(step=0.03, ignored=("t",))
+    found = read_episodes(path, None, ode, layout).single("r")
+    np.testing.assert_allclose(found.times, 0.03 * np.arange(20))

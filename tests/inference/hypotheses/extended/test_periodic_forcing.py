@@ -129,3 +129,10 @@ def test_an_equation_that_defines_a_rate_gets_no_wave(
     limit = -0.5 * float(residuals.square().sum())
     waves = _select_waves(normal, system, basis, grid, size, limit)
     assert {each.equation for each in waves} == found
+
+
+def test_no_wave_is_faster_than_the_samples_resolve() -> None:
+    times = torch.linspace(0.0, 0.35, 12, dtype=torch.float64)[:, None]
+    assert float(_frequency_grid(times)[-1]) < math.pi * 11 / 0.35
+    dense = torch.linspace(0.0, 0.35, 400, dtype=torch.float64)[:, None]
+    assert float(_frequency_grid(dense)[-1]) > 2 * math.pi * 25 / 0.35

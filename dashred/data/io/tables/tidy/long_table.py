@@ -96,11 +96,15 @@ def _check_once(table: Columns, sensor: str, rows: NDArray[np.intp], at: NDArray
     _, first = np.unique(at, return_index=True)
     if len(first) == len(at):
         return
-    again = int(np.setdiff1d(np.arange(len(at)), first)[0])
+    again = int(rows[np.setdiff1d(np.arange(len(at)), first)[0]])
     problem = f"the sensor {sensor!r} has a second reading at this time"
-    hint = "if the runs of several episodes are told apart by a column: "
-    hint += "recording.columns={..., episode: COLUMN}; else keep one of the readings"
-    raise InputError(problem, where=table.location(int(rows[again]), SENSOR), hint=hint)
+    hint = "keep one of the readings, or their mean"
+    if "episode" in table.columns:
+        problem += f" of episode {table.texts('episode')[again]!r}"
+    else:
+        hint += "; if a column tells the runs of several episodes apart: "
+        hint += "recording.columns={..., episode: COLUMN}"
+    raise InputError(problem, where=table.location(again, SENSOR), hint=hint)
 
 
 def _check_clock(table: Columns, time: TimeColumn, names: Sequence[str]) -> None:

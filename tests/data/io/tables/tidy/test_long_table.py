@@ -130,3 +130,10 @@ def test_fields_of_these_names_are_no_long_table(ode, write):
     system = replace(ode, fields=("sensor", "value"))
     path = write("r.csv", "time,sensor,value\n" + "".join(f"{t},1,2\n" for t in TIMES))
     assert read_episodes(path, None, system).single("r").names == ("sensor", "value")
+
+
+def test_many_rows_at_one_time_may_be_a_long_table(ode, write):
+    numbers = text(True).replace(",u,", ",1,").replace(",v,", ",2,").replace("reading", "u")
+    with pytest.raises(InputError, match="time is repeated") as told:
+        read_episodes(write("r.csv", numbers), None, ode)
+    assert "recording.columns={sensor: COLUMN, value: COLUMN}" in str(told.value.hint)
