@@ -33,6 +33,9 @@ LARGE_RESIDUAL = 0.2
 # The same holds for residuals half as large if they are ten times the noise. Of 282 runs, no right
 # law left more than a share of 0.41.
 TEN_TIMES_NOISE, VISIBLE_RESIDUAL = 0.99, 0.1
+# The same holds for a law of more terms than this, whatever the size of its residuals. Of 289 runs,
+# no right law of three or more terms left more than a share of 0.17.
+FEW_TERMS = 2
 # The fit of a law is incomplete if its misfit exceeds that of all candidates by this factor.
 STUCK = 1.5
 
@@ -98,6 +101,7 @@ def verdict(
     left = unexplained or 0.0
     is_large = left > UNEXPLAINED and residual > LARGE_RESIDUAL
     is_large |= left > TEN_TIMES_NOISE and residual > VISIBLE_RESIDUAL
+    is_large |= left > UNEXPLAINED and len(discovery.best.candidates) > FEW_TERMS
     if discovery.best.candidates and is_large:
         return "outside-library", [_outside(unexplained=left, residual=residual), *causes]
     kinds = {_kind(law) for law in (discovery.best, *discovery.rivals)}

@@ -208,6 +208,10 @@ def test_a_law_that_leaves_large_residuals_is_only_the_nearest(flow: System) -> 
     assert verdict(discovery, 0.5, residual=0.25)[0] == "missing-term"
     assert verdict(discovery, 0.99, residual=0.05)[0] == "missing-term"
     assert verdict(discovery, None, residual=0.25)[0] == "missing-term"
+    # Many terms imitate what no term expresses.
+    several = laws.law([laws.term(flow, "u", text) for text in ("u", "u**2", "u**3")], [0.1] * 3)
+    assert verdict(laws.discovery(several), 0.83, residual=0.05)[0] == "outside-library"
+    assert verdict(laws.discovery(several), 0.7, residual=0.05)[0] == "missing-term"
     # Ten times the noise, and a tenth of the trace.
     assert verdict(discovery, 0.995, residual=0.12)[0] == "outside-library"
     assert verdict(discovery, 0.98, residual=0.12)[0] == "missing-term"
