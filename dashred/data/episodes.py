@@ -40,10 +40,12 @@ class Episodes:
     Attributes:
         episodes: in the order of the file.
         left_out: columns of the file that are neither sensors nor inputs, and are not read.
+        is_rounded: whether the file rounds the times so much that the samples got an even clock.
     """
 
     episodes: tuple[Episode, ...]
     left_out: tuple[str, ...] = ()
+    is_rounded: bool = False
 
     def __post_init__(self) -> None:
         """Check that names are unique and that all episodes have the same sensors."""

@@ -7,18 +7,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.core.errors import InputError, nearest
+from dashred.core.errors import InputError
 from dashred.core.stated.column_names import SENSOR, VALUE
 from dashred.data.checks import (
-    check_covered,
-    check_gaps,
-    check_input,
     checked_recording,
     fewest_samples,
 )
 from dashred.data.clocks.record_part import part_of
+from dashred.data.clocks.rounded_times import without_rounding
 from dashred.data.episodes import Episode, EpisodeRows, Episodes, runs_of_clock, split_into_episodes
-from dashred.data.input_action import fill_gaps
 from dashred.data.io.sensor_columns import (
     check_ignored,
     check_no_axes,
@@ -30,6 +27,7 @@ from dashred.data.io.sensors_table import read_sensors
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.io.tables.columns import Columns
 from dashred.data.io.tables.csv_table import read_table
+from dashred.data.io.tables.input_columns import input_columns, input_signals
 from dashred.data.io.tables.recording_table import read_recording_table
 from dashred.data.io.tables.table_layout import TableLayout
 from dashred.data.io.tables.tidy.long_table import is_long, widened
@@ -43,7 +41,6 @@ from dashred.data.io.tables.time_column import (
 )
 from dashred.data.recording import Recording
 from dashred.data.sensors import RESERVED, Sensor, SystemDescription, observable_names
-from dashred.physics.backends.input_signals import InputSignals
 
 
 def read_csv(
@@ -124,7 +121,11 @@ def episodes_of_table(
     if len(parts) == 1:
         _check_one_run(table, times, time)
         parts = runs_of_clock(times) or parts
-    inputs = _inputs(table, system, stated)
+    rows = [part.rows for part in parts]
+    is_rounded = False
+    if time.columns and clock.of_date is None:
+        times, is_rounded = without_rounding(times, table.texts(time.last), rows)
+    inputs = input_columns(table, system, stated)
     others = (*RESERVED, *time.columns, *system.inputs.values(), *ignored)
     columns = [column for column in table.columns if column not in others]
     if placed is not None:
@@ -168,7 +169,7 @@ def episodes_of_table(
                 raise InputError(f"{problem}{fewest} are needed", where=stretch.location(path))
         return Episode(stretch.name, recording)
 
-    whole = Episodes(tuple(map(episode, parts)), tuple(left_out))
+    whole = Episodes(tuple(map(episode, parts)), tuple(left_out), is_rounded)
     chosen = part_of(whole, layout.part, path, clock.of_date)
     if not inputs:
         return chosen
@@ -178,77 +179,16 @@ def episodes_of_table(
         stretch = stretches[episode.name]
         own = {column: found[stretch.rows] for column, found in inputs.items()}
         where, samples = stretch.location(path), episode.recording
-        signals = _signals(times[stretch.rows], own, samples.times, system, where)
+        signals = input_signals(times[stretch.rows], own, samples.times, system, where)
         return replace(episode, recording=replace(samples, inputs=signals))
 
     return replace(chosen, episodes=tuple(map(driven, chosen.episodes)))
-
-
-def _inputs(
-    table: Columns, system: SystemDescription, stated: StatedUnits
-) -> dict[str, NDArray[np.float64]]:
-    """Return the columns of the system's inputs; NaN where a cell is empty."""
-    found: dict[str, NDArray[np.float64]] = {}
-    for name, column in system.inputs.items():
-        if column not in table.columns:
-            problem = f"the recording has no column {column!r} for the input {name}"
-            raise InputError(problem, where=table.path, hint=nearest(column, table.columns))
-        values = table.numbers(column)
-        # An empty cell is filled later: inputs and sensors may have different clocks.
-        known = np.nan_to_num(values, posinf=np.inf, neginf=-np.inf)
-        check_input(name, column, known, table.location)
-        unit, where = table.units.get(column), table.header_location(column)
-        values = stated.state(name, unit, where, f"the input {name}")(values)
-        if column in found and not np.array_equal(found[column], values, equal_nan=True):
-            problem = f"two inputs read the column {column!r} in different units"
-            raise InputError(problem, where=where, hint="state one unit for both in system.units")
-        found[column] = values
-    return found
 
 
 def _with_readings(recording: Recording) -> Recording:
     """Return the samples with at least one reading: a row may contain inputs only."""
     seen = ~np.isnan(recording.values).all(axis=1)
     return replace(recording, times=recording.times[seen], values=recording.values[seen])
-
-
-def _signals(
-    times: NDArray[np.float64],
-    columns: dict[str, NDArray[np.float64]],
-    samples: NDArray[np.float64],
-    system: SystemDescription,
-    path: str,
-) -> InputSignals:
-    """Return the inputs of one episode, at the rows in which at least one has a value.
-
-    Args:
-        times: of all rows of the episode, ``(row,)``.
-        columns: values of every input, ``(row,)`` each; NaN where a cell is empty.
-        samples: times of the samples that are used, ``(sample,)``.
-        system: tells which inputs hold their values.
-        path: location for error messages.
-
-    Raises:
-        InputError: an input has no value, is empty for long between the samples, or begins after
-            the first of them or ends before the last.
-    """
-    rows = ~np.all([np.isnan(values) for values in columns.values()], axis=0)
-    # A held input may have its last value long before the end.
-    rows[-1] |= any(column in system.held_inputs for column in columns)
-    filled = {}
-    for column, values in columns.items():
-        where, hold = f"{path}, column {column!r}", column in system.held_inputs
-        if np.isnan(values).all():
-            hint = "give a value in at least one row of each episode"
-            raise InputError("the input has no values", where=where, hint=hint)
-        if not hold:
-            check_gaps(times, values, samples, where)
-        known = fill_gaps(times, values, hold)
-        available = np.flatnonzero(~np.isnan(known))
-        check_covered(samples, times[available], where)
-        # Before its first and after its last value, outside of the samples, an input stays.
-        filled[column] = np.interp(times, times[available], known[available])[rows]
-    return InputSignals(times[rows], filled)
 
 
 def _episode_rows(table: Columns) -> list[EpisodeRows]:

@@ -76,6 +76,8 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     chosen_part = parse_part(config.recording.begin, config.recording.end, config.where)
     if not chosen_part.is_whole:
         clock = with_clause(clock, f"the part {chosen_part} of the recording")
+    if read.is_rounded:
+        clock = with_clause(clock, "with an even step, because the file repeats rounded times")
     if read.left_out:
         clock = with_clause(clock, f"without the columns {_listed(read.left_out)}")
     splits = []

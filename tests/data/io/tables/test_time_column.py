@@ -189,3 +189,12 @@ def test_a_column_that_is_ignored_has_no_times(write: Write, ode: Any) -> None:
     layout = TableLayout(step=0.03, ignored=("t",))
     found = read_episodes(path, None, ode, layout).single("r")
     np.testing.assert_allclose(found.times, 0.03 * np.arange(20))
+
+
+def test_rounded_times_get_an_even_clock(write: Write, ode: Any) -> None:
+    rows = [f"{0.008 * i:.2f},{np.cos(i)}" for i in range(100)]
+    found = read_episodes(write("r.csv", "\n".join(["t,u", *rows, ""])), None, ode)
+    assert found.is_rounded
+    np.testing.assert_allclose(found.single("r").times, 0.008 * np.arange(100), atol=0.005)
+    even = read_episodes(write("r.csv", "\n".join(["t,u", *rows[::2], ""])), None, ode)
+    assert not even.is_rounded
