@@ -17,7 +17,7 @@ from dashred.reporting.text.improvement import (
     is_lost,
     is_scant,
     is_unsupported,
-    names_nearest_law,
+    nearest,
 )
 from dashred.reporting.text.laws import FEW
 from dashred.reporting.text.parameters import short_parameter_text
@@ -168,7 +168,7 @@ def _faults(findings: Mapping[str, Any]) -> str | None:
     texts = "; ".join(filter(None, (cause_text(fault, units) for fault in faults)))
     number = "a sensor is faulty" if len(faults) == 1 else f"{len(faults)} sensors are faulty"
     # What the nearest law does not explain may look like the error of a sensor.
-    under = "under the nearest law, " if names_nearest_law(findings) else ""
+    under = f"under the {nearest(findings)}, " if nearest(findings) else ""
     return f"{under}{number}: {texts}"
 
 

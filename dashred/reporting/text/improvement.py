@@ -115,6 +115,14 @@ def names_nearest_law(findings: Mapping[str, Any]) -> bool:
     return is_unexplained(findings) and bool(findings["terms"])
 
 
+def nearest(findings: Mapping[str, Any]) -> str:
+    """Return ``nearest law`` or ``nearest explanation`` if this is all that is stated, else ""."""
+    if names_nearest_law(findings):
+        return "nearest law"
+    leading: Mapping[str, Any] = (findings["causes"] or [{}])[0]
+    return "nearest explanation" if is_unexplained(findings) and "gain" in leading else ""
+
+
 def has_probabilities(findings: Mapping[str, Any]) -> bool:
     """Return whether the probabilities of causes and of terms may be told.
 

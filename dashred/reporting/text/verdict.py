@@ -15,7 +15,7 @@ from dashred.reporting.text.improvement import (
     improvements,
     is_confirmed,
     is_scant,
-    names_nearest_law,
+    nearest,
     resolution_warning,
 )
 from dashred.reporting.text.laws import SUGGESTED, has_law, law, other_laws
@@ -95,11 +95,14 @@ def causes(findings: Mapping[str, Any]) -> list[str]:
 
 
 def _says(findings: Mapping[str, Any], cause: Mapping[str, Any]) -> str:
-    """Return the text of a cause; a fault beside the nearest law is as uncertain as the law."""
+    """Return the text of a cause; a fault beside the nearest law is as uncertain as the law.
+
+    The same holds for a fault if no law is near.
+    """
     splits = findings["input"]["splits"] or {"validate": (), "test": ()}
     is_tested = cause.get("sensor") in (*splits["validate"], *splits["test"])
-    beside = cause["kind"] == "sensor-fault" and names_nearest_law(findings) and not is_tested
-    return f"in the nearest law, {cause['says']}" if beside else str(cause["says"])
+    beside = nearest(findings) if cause["kind"] == "sensor-fault" and not is_tested else ""
+    return f"in the {beside}, {cause['says']}" if beside else str(cause["says"])
 
 
 def limits(findings: Mapping[str, Any]) -> list[str]:

@@ -10,9 +10,7 @@ from hypothesis import strategies as st
 from dashred.data.clocks.rounded_times import even_times, without_rounding
 
 
-@given(
-    st.floats(0.0021, 0.0099), st.floats(-50, 50), st.integers(60, 400), st.sampled_from("fet")
-)
+@given(st.floats(0.0021, 0.0099), st.floats(-50, 50), st.integers(60, 400), st.sampled_from("fet"))
 def test_an_even_clock_is_recovered(step: float, first: float, count: int, form: str) -> None:
     exact = first + step * np.arange(count)
     cells = {

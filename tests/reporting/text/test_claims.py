@@ -407,5 +407,7 @@ def test_a_fault_beside_the_nearest_law_is_told_as_such() -> None:
     outside = {"kind": "outside-library", "probability": 0.93}
     told = found(verdict="outside-library", causes=[outside, fault])
     assert "Under the nearest law, a sensor is faulty: sensor s1 has a bias of 3." in headline(told)
+    lawless = told | {"terms": [], "causes": [outside | {"gain": 90.0}, fault]}
+    assert "Under the nearest explanation, a sensor is faulty: sensor s1" in headline(lawless)
     law = told | {"verdict": "missing-term"}
     assert "A sensor is faulty: sensor s1 has a bias of 3." in headline(law)
