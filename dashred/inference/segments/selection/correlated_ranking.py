@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from dashred.core.budget import NEVER
 from dashred.inference.segments.selection.correlated_noise import (
     correlated_score,
     residual_moments,
@@ -22,11 +21,12 @@ def has_correlated_residuals(found: SegmentSearch) -> bool:
 def rank_correlated(found: SegmentSearch) -> SegmentSearch:
     """Return the laws ranked under correlated noise, with further sets of a few terms.
 
+    After the deadline of the search no further sets are refitted.
+
     Args:
         found: the search under white noise.
     """
-    # This takes little time, and the deadline of the search may be over.
-    problem = replace(found.problem, deadline=NEVER)
+    problem = found.problem
     fits = {law.members: law.fit for law in found.laws}
     refit_small_sets(problem, found.best, fits)
     laws = [
