@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import torch
@@ -217,7 +217,7 @@ class System(Declaration):
         clock = t
         if not isinstance(t, float):
             clock = np.broadcast_to(t, batch).reshape(-1, *[1] * len(self.grid.shape)).copy()
-        [value] = Program([expr])(self.values(flat.double(), clock), self.operators)
+        [value] = _compiled(expr)(self.values(flat.double(), clock), self.operators)
         points = torch.as_tensor(self.operators.on_grid(value), dtype=state.dtype)
         return points.expand(len(flat), *self.grid.shape).reshape(batch + self.grid.shape)
 
@@ -248,6 +248,12 @@ class System(Declaration):
             name: Value(torch.as_tensor(now, dtype=torch.float64, device=device))
             for name, now in clock.items()
         }
+
+
+@lru_cache(maxsize=128)
+def _compiled(expr: Expr) -> Program:
+    """Return the program of an expression; sensors evaluate the same one at many states."""
+    return Program([expr])
 
 
 def _axis(name: str, axis: schema.Axis, where: Callable[[str], str]) -> Axis:
