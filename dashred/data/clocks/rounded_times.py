@@ -11,6 +11,8 @@ from dashred.data.io.tables.csv_table import is_number
 
 # A larger share of rows with the time of the row before may be several readings of one time.
 MOST_REPEATED = 0.4
+# Two times do not show a clock.
+FEWEST = 3
 # Rounding or truncation moves a time by at most this many units of its last digit.
 MOVED = 1.001
 
@@ -46,7 +48,7 @@ def even_times(times: NDArray[np.float64], cells: Sequence[str]) -> NDArray[np.f
         times: of the rows, never decreasing, with some repetitions, ``(row,)``.
         cells: the times as they are written.
     """
-    if not all(map(is_number, cells)):
+    if len(times) < FEWEST or not all(map(is_number, cells)):
         return None
     repeated = float((np.diff(times) == 0).mean())
     written = np.array([float(cell) for cell in cells])

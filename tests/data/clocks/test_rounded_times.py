@@ -46,8 +46,10 @@ def test_times_in_another_unit_keep_their_clock() -> None:
         np.r_[np.arange(10.0), np.arange(12.0, 20.0), 19.0],
         np.r_[0.0, 0.0, 1.0, 0.5, 2.0],
         np.arange(20.0),
+        np.zeros(1),
+        np.zeros(0),
     ],
-    ids=["pairs", "glitch", "gap", "decreasing", "no repetition"],
+    ids=["pairs", "glitch", "gap", "decreasing", "no repetition", "one", "none"],
 )
 def test_other_times_stay(times: np.ndarray) -> None:
     cells = [f"{t:.2f}" for t in times]

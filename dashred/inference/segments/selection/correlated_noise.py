@@ -23,8 +23,9 @@ from dashred.inference.segments.selection.candidate_sets import Set
 from dashred.inference.segments.selection.set_selection import term_price
 from dashred.inference.segments.weak_constraint import SMALLEST_LEVEL, WeakConstraintProblem
 
-# Neighbouring residuals that are correlated by less count as independent.
-CORRELATED, LARGEST = 0.3, 0.99
+# Neighbouring residuals that are correlated by less count as independent, and also if the
+# correlation is below this many of its standard deviations.
+CORRELATED, BY_CHANCE, LARGEST = 0.3, 2.0, 0.99
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,8 @@ def residual_moments(problem: WeakConstraintProblem, members: Set, fit: NodeFit)
     after = np.concatenate([episode[1:] for episode in episodes])
     products, power = before * after, (before**2 + after**2) / 2
     correlation = np.nansum(products, axis=0) / np.maximum(np.nansum(power, axis=0), 1e-300)
-    correlation = np.where(correlation > CORRELATED, np.minimum(correlation, LARGEST), 0.0)
+    limit = np.maximum(CORRELATED, BY_CHANCE / np.sqrt(np.maximum(counts, 1)))
+    correlation = np.where(correlation > limit, np.minimum(correlation, LARGEST), 0.0)
     return ResidualMoments(counts, np.maximum(variance, least), correlation)
 
 
