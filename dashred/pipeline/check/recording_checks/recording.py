@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +26,9 @@ from dashred.pipeline.check.recording_checks.values import (
     repeated_remarks,
     sentinel_remarks,
 )
-from dashred.pipeline.check.remark import Remark
+from dashred.pipeline.check.remark import Remark, shortened
+
+NUMBERS = re.compile(r"[\d.]+")
 
 
 def recording_remarks(context: CheckContext) -> Iterator[Remark]:
@@ -50,9 +53,29 @@ def recording_remarks(context: CheckContext) -> Iterator[Remark]:
     estimated = estimated_noise(recording)
     yield from noise_remarks(recording, estimated)
     yield from sampling_remarks(context, recording, estimated)
-    for name, other in context.others.items():
-        for remark in _defects(other, every, is_moved, _clocks(episodes, name)):
-            yield replace(remark, text=f"Episode {name}: {remark.text}")
+    yield from _by_episode(
+        (name, remark)
+        for name, other in context.others.items()
+        for remark in _defects(other, every, is_moved, _clocks(episodes, name))
+    )
+
+
+def _by_episode(remarks: Iterable[tuple[str, Remark]]) -> Iterator[Remark]:
+    """Yield one remark for all episodes with the same one, up to its numbers.
+
+    Args:
+        remarks: with the name of the episode of each.
+    """
+    alike: dict[tuple[str, str | None], list[tuple[str, Remark]]] = {}
+    for name, remark in remarks:
+        key = NUMBERS.sub("#", remark.text), remark.hint
+        alike.setdefault(key, []).append((name, remark))
+    for (first, remark), *others in alike.values():
+        text = f"Episode {first}: {remark.text}"
+        if others:
+            further = shortened([name for name, _ in others])
+            text += f"; similarly in {plural(len(others), 'further episode')}, {further}"
+        yield replace(remark, text=text)
 
 
 def _clocks(episodes: Mapping[str, Recording], besides: str) -> list[NDArray[np.float64]]:

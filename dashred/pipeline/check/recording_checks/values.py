@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dashred.data.io.missing_sentinels import sentinel_counts
 from dashred.data.recording import Recording
@@ -14,18 +15,31 @@ from dashred.pipeline.check.remark import Remark, shortened, warning
 
 # Shares of missing values, and of values equal to the previous one, that cause a warning.
 MANY_MISSING, MANY_REPEATED = 0.1, 0.5
+# Sensors that are read in turn lack no more values at a time than this, on average.
+AT_A_TIME = 4
 
 
 def missing_remarks(recording: Recording) -> Iterator[Remark]:
-    """Say how many values are missing, and warn of sensors without many of theirs."""
+    """Say how many values are missing, and warn of sensors that lack many in a row."""
     missing = np.isnan(recording.values).mean(axis=0)
     if not missing.any():
         return
     yield Remark(f"{missing.mean():.1%} of the values are missing")
-    many = [n for n, share in zip(recording.names, missing, strict=True) if share > MANY_MISSING]
+    many = [
+        name
+        for name, share, column in zip(recording.names, missing, recording.values.T, strict=True)
+        if share > MANY_MISSING and not _is_read_in_turn(column)
+    ]
     if many:
         text = f"More than {MANY_MISSING:.0%} of the values are missing from {shortened(many)}"
         yield warning(text, "remove sensors with very few values")
+
+
+def _is_read_in_turn(values: NDArray[np.float64]) -> bool:
+    """Tell whether a sensor lacks only a few values at a time, as if others are read between."""
+    missing = np.isnan(values)
+    runs = int(np.diff(missing, prepend=False).sum() + missing[-1]) / 2
+    return runs * AT_A_TIME >= float(missing.sum())
 
 
 def sentinel_remarks(recording: Recording) -> Iterator[Remark]:
