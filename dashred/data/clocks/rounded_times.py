@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 
 from dashred.data.io.tables.csv_table import is_number
 
-# A larger share of rows with the time of the row before may be several readings of one time.
-MOST_REPEATED = 0.4
-# Two times do not show a clock.
-FEWEST = 3
+# A larger share of rows with the time of the row before may be several readings of one time, and
+# fewer rows a mistake.
+MOST_REPEATED, FEWEST_REPEATED = 0.4, 5
 # Rounding or truncation moves a time by at most this many units of its last digit.
 MOVED = 1.001
 
@@ -48,13 +47,15 @@ def even_times(times: NDArray[np.float64], cells: Sequence[str]) -> NDArray[np.f
         times: of the rows, never decreasing, with some repetitions, ``(row,)``.
         cells: the times as they are written.
     """
-    if len(times) < FEWEST or not all(map(is_number, cells)):
+    if not np.isfinite(times).all():
         return None
-    repeated = float((np.diff(times) == 0).mean())
+    steps = np.diff(times)
+    repeated = int((steps == 0).sum())
+    is_rounded = FEWEST_REPEATED <= repeated <= MOST_REPEATED * len(times)
+    if not is_rounded or not (steps >= 0).all() or not all(map(is_number, cells)):
+        return None
     written = np.array([float(cell) for cell in cells])
     span = float(written[-1] - written[0])
-    if not 0 < repeated <= MOST_REPEATED or (np.diff(times) < 0).any() or not span > 0:
-        return None
     # The unit of the system may be another one.
     scale = float(times[-1] - times[0]) / span
     digit = scale * np.array([10.0 ** -_decimals(cell) for cell in cells])

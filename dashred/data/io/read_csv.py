@@ -123,7 +123,7 @@ def episodes_of_table(
         parts = runs_of_clock(times) or parts
     rows = [part.rows for part in parts]
     is_rounded = False
-    if time.columns and clock.of_date is None:
+    if time.columns and clock.of_date is None and (times[1:] == times[:-1]).any():
         times, is_rounded = without_rounding(times, table.texts(time.last), rows)
     inputs = input_columns(table, system, stated)
     others = (*RESERVED, *time.columns, *system.inputs.values(), *ignored)

@@ -109,12 +109,14 @@ def has_dates(table: Columns, column: TimeColumn) -> bool:
 
 
 def named_times(table: Columns, ignored: Collection[str] = ()) -> list[str]:
-    """Return the columns with a name for times that are not ignored; ``time`` comes first.
+    """Return the columns with a name for times; ``time`` comes first.
+
+    Ignored columns are left out, but ``time`` itself is always read.
 
     A name with a unit, such as ``time_ms`` or ``millis``, counts if there is no other, and then a
     name such as ``elapsed``.
     """
-    read = (column for column in table.columns if column not in ignored)
+    read = (column for column in table.columns if column == TIMES[0] or column not in ignored)
     plain = {column: split_header(column)[0] for column in read}
     # T is a temperature.
     named = [
