@@ -7,8 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.data.io.tables.csv_table import is_number
-
 # A larger share of rows with the time of the row before may be several readings of one time, and
 # fewer rows a mistake.
 MOST_REPEATED, FEWEST_REPEATED = 0.4, 5
@@ -52,9 +50,12 @@ def even_times(times: NDArray[np.float64], cells: Sequence[str]) -> NDArray[np.f
     steps = np.diff(times)
     repeated = int((steps == 0).sum())
     is_rounded = FEWEST_REPEATED <= repeated <= MOST_REPEATED * len(times)
-    if not is_rounded or not (steps >= 0).all() or not all(map(is_number, cells)):
+    if not is_rounded or not (steps >= 0).all():
         return None
-    written = np.array([float(cell) for cell in cells])
+    try:
+        written = np.array([float(cell) for cell in cells])
+    except ValueError:
+        return None
     span = float(written[-1] - written[0])
     # The unit of the system may be another one.
     scale = float(times[-1] - times[0]) / span
