@@ -24,15 +24,13 @@ def without_rounding(
         cells: the times as they are written.
         episodes: the rows of each episode.
     """
-    found = {}
-    for number, rows in enumerate(episodes):
+    exact = times
+    for rows in episodes:
         even = even_times(times[rows], cells[rows])
         if even is not None:
-            found[number] = even
-    exact = times.copy() if found else times
-    for number, even in found.items():
-        exact[episodes[number]] = even
-    return exact, bool(found)
+            exact = times.copy() if exact is times else exact
+            exact[rows] = even
+    return exact, exact is not times
 
 
 def even_times(times: NDArray[np.float64], cells: Sequence[str]) -> NDArray[np.float64] | None:

@@ -9,10 +9,7 @@ from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
 from dashred.core.stated.column_names import SENSOR, VALUE
-from dashred.data.checks import (
-    checked_recording,
-    fewest_samples,
-)
+from dashred.data.checks import checked_recording, fewest_samples
 from dashred.data.clocks.record_part import part_of
 from dashred.data.clocks.rounded_times import without_rounding
 from dashred.data.episodes import Episode, EpisodeRows, Episodes, runs_of_clock, split_into_episodes
@@ -121,9 +118,9 @@ def episodes_of_table(
     if len(parts) == 1:
         _check_one_run(table, times, time)
         parts = runs_of_clock(times) or parts
-    rows = [part.rows for part in parts]
     is_rounded = False
     if time.columns and clock.of_date is None and (times[1:] == times[:-1]).any():
+        rows = [part.rows for part in parts]
         times, is_rounded = without_rounding(times, table.texts(time.last), rows)
     inputs = input_columns(table, system, stated)
     others = (*RESERVED, *time.columns, *system.inputs.values(), *ignored)

@@ -15,7 +15,13 @@ from dashred.data.io.tables.columns import Columns
 from dashred.data.io.tables.dates import CLOCK
 from dashred.data.io.tables.table_header import read_header
 from dashred.data.io.tables.table_layout import TableLayout
-from dashred.data.io.tables.tidy.wide_table import EMPTY, WideTable, distinct_times, shared_cells
+from dashred.data.io.tables.tidy.wide_table import (
+    EMPTY,
+    WideTable,
+    distinct_times,
+    repeated_row,
+    shared_cells,
+)
 from dashred.data.io.tables.time_column import TimeColumn, read_times
 
 
@@ -93,10 +99,9 @@ def _check_once(table: Columns, sensor: str, rows: NDArray[np.intp], at: NDArray
     Raises:
         InputError: it has two.
     """
-    _, first = np.unique(at, return_index=True)
-    if len(first) == len(at):
+    again = repeated_row(rows, at)
+    if again is None:
         return
-    again = int(rows[np.setdiff1d(np.arange(len(at)), first)[0]])
     problem = f"the sensor {sensor!r} has a second reading at this time"
     hint = "keep one of the readings, or their mean"
     if "episode" in table.columns:

@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 from dashred.core.errors import InputError
 from dashred.data.io.stated_units import StatedUnits
 from dashred.data.io.tables.columns import Columns
-from dashred.data.io.tables.tidy.wide_table import EMPTY, WideTable, distinct_times, shared_cells
+from dashred.data.io.tables.tidy.wide_table import (
+    EMPTY,
+    WideTable,
+    distinct_times,
+    repeated_row,
+    shared_cells,
+)
 from dashred.data.io.tables.time_column import TimeColumn, read_times
 from dashred.data.sensors import Sensor, SystemDescription, check_sensor, observable_names
 
@@ -88,20 +94,16 @@ def _places(
 
 
 def _check_once(
-    table: Columns,
-    time: TimeColumn,
-    mine: NDArray[np.intp],
-    at: NDArray[np.intp],
+    table: Columns, time: TimeColumn, mine: NDArray[np.intp], at: NDArray[np.intp]
 ) -> None:
     """Check that a place has one row at each time.
 
     Raises:
         InputError: it has two.
     """
-    _, first = np.unique(at[mine], return_index=True)
-    if len(first) == len(mine):
+    again = repeated_row(mine, at[mine])
+    if again is None:
         return
-    again = int(mine[np.setdiff1d(np.arange(len(mine)), first)[0]])
     hint = "if the runs of several episodes are told apart by a column: "
     hint += "recording.columns={..., episode: COLUMN}; else keep one of the rows"
     problem = "this place has a second row at this time"

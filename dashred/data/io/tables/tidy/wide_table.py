@@ -97,6 +97,18 @@ def distinct_times(
     return read[firsts], at.reshape(-1)
 
 
+def repeated_row(rows: NDArray[np.intp], at: NDArray[np.intp]) -> int | None:
+    """Return the first of some rows that has the time of an earlier one; None if there is none.
+
+    Args:
+        rows: of one sensor or place.
+        at: time of each, from :func:`distinct_times`.
+    """
+    _, first = np.unique(at, return_index=True)
+    again = np.setdiff1d(np.arange(len(at)), first)
+    return int(rows[again[0]]) if again.size else None
+
+
 def shared_cells(
     table: Columns,
     time: TimeColumn,
