@@ -82,12 +82,14 @@ def search_libraries(problem: Problem, nominal: NominalRun) -> tuple[Problem, Se
         hidden = with_hidden_state(problem, further, beside)
         if hidden is not None:
             return hidden
-    is_beside = beside is not None and _score(beside) < _score(further) - EXTENSION_GAIN
-    if has_correlated_residuals(beside if beside is not None and is_beside else further):
-        further = merge_equivalent(rank_correlated(further))
-        beside = None if beside is None else merge_equivalent(rank_correlated(beside))
-        is_beside = beside is not None and beside.best.score < further.best.score
-    return (problem, beside) if beside is not None and is_beside else (wider, further)
+    told = wider, further
+    if beside is not None and _score(beside) < _score(further) - EXTENSION_GAIN:
+        told = problem, beside
+    if has_correlated_residuals(told[1]):
+        both = [(wider, further), *([] if beside is None else [(problem, beside)])]
+        ranked = [(each, merge_equivalent(rank_correlated(laws))) for each, laws in both]
+        told = min(ranked, key=lambda pair: pair[1].best.score)
+    return told
 
 
 def _beside_errors(found: SegmentSearch) -> SegmentSearch | None:
