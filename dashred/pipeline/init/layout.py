@@ -67,7 +67,7 @@ def read_with_guessed_names(
         return table, TableLayout(table.columns, step=None if found else STEP)
     groups = unclear_groups(path)
     headers = {"episode": groups[0]} if groups else {}
-    table = read_recording_table(path, TableLayout(headers=headers))
+    table = read_recording_table(path, TableLayout(headers=headers, ignored=ignored))
     likely = None if named_times(table, ignored) else likely_times(table, ignored)
     if likely is None:
         time = find_time_column(table, STEP, ignored)

@@ -227,3 +227,14 @@ def test_fields_called_x_and_y_are_no_places(tmp_path: Path) -> None:
     rows = [f"{t},{np.cos(t)},{np.sin(t)}" for _ in range(2) for t in TIMES]
     found = written(tmp_path, "\n".join(["t,x,y", *rows, ""]))
     assert found["fields"] == ["x", "y"]
+
+
+@pytest.mark.parametrize("other", [0.0, 1.0])
+def test_a_repeated_header_is_a_field_unless_it_is_a_copy(tmp_path: Path, other: float) -> None:
+    rows = [f"{t},{np.sin(t)},{np.sin(t) + other}" for t in TIMES]
+    found = written(tmp_path, "\n".join(["time,u,u", *rows, ""]))
+    assert found["fields"] == (["u", "u_2"] if other else ["u"])
+    assert found["columns"] == ({"u_2": "u (2)"} if other else None)
+    (tmp_path / "mine.yaml").unlink()
+    left = written(tmp_path, "\n".join(["time,u,u", *rows, ""]), "ignore=u (2)")
+    assert left["fields"] == ["u"]

@@ -6,7 +6,7 @@ import contextlib
 import csv
 import math
 from array import array
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
@@ -68,6 +68,13 @@ class Table:
         columns = tuple(new.get(column, column) for column in self.columns)
         units = {new.get(column, column): unit for column, unit in self.units.items()}
         return replace(self, columns=columns, units=units)
+
+    def without(self, names: Collection[str]) -> Table:
+        """Return the table without some columns."""
+        kept = [at for at, column in enumerate(self.columns) if column not in names]
+        rows = [[row[at] for at in kept] for row in self.rows]
+        units = {column: unit for column, unit in self.units.items() if column not in names}
+        return replace(self, columns=tuple(self.columns[at] for at in kept), rows=rows, units=units)
 
     def location(self, row: int, column: str | None = None) -> str:
         """Where a row or a cell stands: ``file.csv:17, column 'theta'``."""

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import replace
-from itertools import count
 
 from dashred.core.errors import InputError
 from dashred.core.unit_conversion import is_known_unit
@@ -13,8 +12,8 @@ from dashred.data.io.tables.csv_table import Table, check_rectangular, read_cell
 from dashred.data.io.tables.grouped_columns import ColumnGroups
 from dashred.data.io.tables.other_lines import drop_other_lines
 from dashred.data.io.tables.table_dialect import TableText, find_recording
-from dashred.data.io.tables.table_header import example_names, read_header
-from dashred.data.io.tables.table_layout import TIMES, TableLayout, split_header
+from dashred.data.io.tables.table_header import example_names, number_repeated, read_header
+from dashred.data.io.tables.table_layout import TIMES, TableLayout
 
 # Rows that show how many columns a table has.
 HEAD_ROWS = 100
@@ -25,7 +24,8 @@ def read_recording_table(path: str, layout: TableLayout) -> Table:
 
     Beyond what :func:`read_table` reads, other lines may precede the header, a line with units may
     follow it, a separator may end each line, messages and remarks may stand between and below the
-    rows, the configuration may name the columns, and headers that nothing uses may be repeated.
+    rows, the configuration may name the columns, and headers may be repeated where nothing uses
+    them, or where the columns are equal.
 
     Raises:
         InputError: as :func:`dashred.data.io.tables.csv_table.read_table`, or there are no names.
@@ -36,12 +36,14 @@ def read_recording_table(path: str, layout: TableLayout) -> Table:
         return _grouped_table(path, layout, text, groups, rows, lines)
     header, names, below = lines[0], layout.every_name, text.below_header
     units_row = [cell.strip(" ()[]") for cell in rows[1]] if below else []
+    repeated: dict[str, str] = {}
     if names is None:
         if not text.has_header and not layout.headers:
             hint = f"give them: recording.columns=[{', '.join(example_names(len(rows[0])))}]"
             raise InputError("the columns have no names", where=f"{path}:{header}", hint=hint)
         numbers = [str(number + 1) for number in range(len(rows[0]))]
         headers = rows[0] if text.has_header else numbers
+        headers, repeated = number_repeated(headers)
         headers = layout.rename(headers, f"{path}:{header}")
     else:
         headers = list(names)
@@ -53,13 +55,12 @@ def read_recording_table(path: str, layout: TableLayout) -> Table:
     if names is None:
         _fill_ends(headers, rows)
     _drop_empty_end(headers, rows)
-    if names is None:
-        headers = _numbered(headers, layout)
     columns, units = read_header(headers, f"{path}:{header}", layout.used)
     for column, unit in zip(columns, units_row, strict=False):
         if is_known_unit(unit):
             units.setdefault(column, unit)
-    return replace(table_of(path, columns, units, text, rows, lines, header), others=others)
+    table = table_of(path, columns, units, text, rows, lines, header)
+    return replace(_without_copies(table, repeated, layout), others=others)
 
 
 def count_unnamed(path: str) -> int:
@@ -112,19 +113,31 @@ def _drop_empty_rows(rows: list[list[str]], lines: array[int]) -> None:
         lines[:] = array("q", [lines[at] for at in kept])
 
 
-def _numbered(headers: Sequence[str], layout: TableLayout) -> list[str]:
-    """Number the headers that repeat another one, ``Loop (2)``, unless it is a name that is used.
+def _without_copies(table: Table, repeated: Mapping[str, str], layout: TableLayout) -> Table:
+    """Return a table without the columns that repeat both the header and the values of another one.
 
-    A logger may repeat the header of a column that the analysis does not need.
+    Args:
+        table: the recording.
+        repeated: the repeated header of every numbered column.
+        layout: what is used, and what is left out.
+
+    Raises:
+        InputError: of two columns with the same header and other values one is used, and neither
+            is left out.
     """
-    found: list[str] = []
-    for header in map(str.strip, headers):
-        name = split_header(header)[0]
-        is_needed = name in layout.used or name.lower() in (*TIMES, "episode", "")
-        others = (f"{header} ({number})" for number in count(2))
-        free = header not in found or is_needed
-        found.append(header if free else next(n for n in others if n not in (*found, *headers)))
-    return found
+    renamed = {header: own for own, header in layout.headers.items()}
+    copies = []
+    for column, header in repeated.items():
+        name = renamed.get(header, header)
+        if not {name, column} <= set(table.columns) or {name, column} & {*layout.ignored}:
+            continue
+        if table.texts(name) == table.texts(column):
+            copies.append(column)
+        elif name in layout.used or name.lower() in (*TIMES, "episode"):
+            hint = f"leave one of them out: recording.ignore=['{column}']"
+            where = table.header_location(name)
+            raise InputError(f"{name!r} occurs twice, with other values", where=where, hint=hint)
+    return table.without(copies) if copies else table
 
 
 def _fill_ends(headers: list[str], rows: list[list[str]]) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from itertools import count
 
 from dashred.core.errors import InputError
 from dashred.core.units import check_unit
@@ -57,6 +58,28 @@ def _split_units(cells: list[str], used: Collection[str]) -> list[tuple[str, str
         else (name, unit)
         for cell, (name, unit) in zip(cells, headers, strict=True)
     ]
+
+
+def number_repeated(cells: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """Number the headers that repeat another one: ``Loop (2)``, and ``u (2) [V]`` with a unit.
+
+    Returns:
+        The headers; and the repeated name of every numbered one, without units.
+    """
+    found: list[str] = []
+    repeated: dict[str, str] = {}
+    for cell in map(str.strip, cells):
+        header = cell
+        if cell and cell in found:
+            name, unit = split_header(cell)
+            if unit is None or NUMBER.fullmatch(unit):
+                name, unit = cell, None
+            others = (f"{name} ({number})" for number in count(2))
+            free = next(n for n in others if n not in (*found, *cells) and n not in repeated)
+            repeated[free] = name
+            header = free if unit is None else f"{free} [{unit}]"
+        found.append(header)
+    return found, repeated
 
 
 def example_names(count: int) -> list[str]:

@@ -54,6 +54,24 @@ def test_headers_that_nothing_uses_may_be_repeated(write: Write) -> None:
         read(write, head + "0,1,2,3,4,5\n", TableLayout(used=("Loop",)))
     with pytest.raises(InputError, match="'Time' occurs twice"):
         read(write, "Time,u,Time\n0,1,2\n")
+    with pytest.raises(InputError, match="'w' occurs twice"):
+        read(write, "time,u,u\n0,1,2\n", TableLayout(headers={"w": "u"}, used=("w",)))
+
+
+def test_a_repeated_header_has_a_number_by_which_it_is_named(write: Write) -> None:
+    text = "time,u [V],u [V]\n0,1,3\n1,2,4\n"
+    table = read(write, text, TableLayout(headers={"w": "u (2)"}, used=("u", "w")))
+    assert table.columns == ("time", "u", "w")
+    assert table.units == {"u": "V", "w": "V"}
+    assert table.texts("w") == ["3", "4"]
+    with pytest.raises(InputError) as told:
+        read(write, text, TableLayout(used=("u",)))
+    assert told.value.hint == "leave one of them out: recording.ignore=['u (2)']"
+    for left_out in ("u", "u (2)"):
+        read(write, text, TableLayout(used=("u",), ignored=(left_out,)))
+    copied = read(write, "time,u,u,time\n0,1,1,0\n1,2,2,1\n", TableLayout(used=("u",)))
+    assert copied.columns == ("time", "u")
+    assert copied.rows == [["0", "1"], ["1", "2"]]
 
 
 def test_the_line_below_the_header_has_units(write: Write) -> None:
