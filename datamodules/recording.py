@@ -32,6 +32,8 @@ class RecordingDataModule(LightningDataModule):
         lags: number of past samples in a window.
         batch: windows per batch.
         seed: of the order of the batches.
+        others: recordings of the same sensors in other episodes. The mean of their readings stands
+            for those of an input sensor that has none in ``fit``.
     """
 
     def __init__(
@@ -42,11 +44,15 @@ class RecordingDataModule(LightningDataModule):
         lags: int,
         batch: int,
         seed: int,
+        others: tuple[Recording, ...] = (),
     ) -> None:
         super().__init__()
         self.fit, self.validation = fit, validation
         self.batch, self.seed = batch, seed
         traces = torch.from_numpy(fit.select(inputs).values)
+        if (absent := traces.isnan().all(dim=0)).any():
+            known = [torch.from_numpy(other.select(inputs).values) for other in others]
+            traces = torch.where(absent, torch.cat(known).nanmean(dim=0), traces)
         self.windows = windows(traces, lags).float().contiguous()
         self.validated = _align(validation, fit)
         fitted = torch.from_numpy(fit.values).clone()

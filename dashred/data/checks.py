@@ -198,7 +198,7 @@ def _check_values(
         hint = "leave the cell empty where a value is missing"
         problem = f"the value is beyond {MAX_ABS_VALUE:g}"
         raise InputError(problem, where=place(row, names[column]), hint=hint)
-    for name, column in zip(names, values.T, strict=True):
-        if np.isnan(column).all():
-            problem = f"sensor {name!r} has no values"
-            raise InputError(problem, where=path, hint="remove it from the recording")
+    if np.isnan(values).all():
+        what = f"sensor {names[0]!r} has" if len(names) == 1 else "the sensors have"
+        hint = "remove it from the recording" if len(names) == 1 else "remove the episode"
+        raise InputError(f"{what} no values", where=path, hint=hint)

@@ -86,8 +86,7 @@ def split_recording(recording: Recording, splits: Splits, seed: int) -> Split:
     over the domain, but at least 4 are fitted; where it gives names, those sensors are taken.
 
     Raises:
-        InputError: a named sensor does not exist or has two roles, no input sensor would be
-            left, or a sensor has no value in the fit window.
+        InputError: a named sensor does not exist or has two roles, or no input sensor is left.
     """
     rng = np.random.default_rng([seed, RNG_STREAM])
     validate, test = _held_out(recording, splits, rng)
@@ -96,7 +95,6 @@ def split_recording(recording: Recording, splits: Splits, seed: int) -> Split:
     times = recording.times
     last = _last_fit_index(times, splits.time.test)
     early = recording.between(times[0], times[last])
-    _check_values(early)
     # Without validate sensors, the last fifth of the fit window is used for validation.
     fit_last = last if validate else _last_fit_index(times[: last + 1], 0.2)
     if validate:
@@ -116,6 +114,25 @@ def split_recording(recording: Recording, splits: Splits, seed: int) -> Split:
         fit_end=float(times[fit_last]),
         note=_note(recording, splits, validate, test, float(times[fit_last]), float(times[last])),
     )
+
+
+def check_read(splits: Sequence[Split]) -> None:
+    """Check that every sensor has a value before the held-out time of one episode at least.
+
+    Raises:
+        InputError: one has none.
+    """
+    for name, role in splits[0].roles.items():
+        if not any(_is_read(split, name, role) for split in splits):
+            problem = f"sensor {name!r} has no value until t = {splits[0].time_end:.6g}"
+            hint = "leave it out: recording.ignore=[NAME], or lower splits.time.test"
+            raise InputError(problem, hint=hint)
+
+
+def _is_read(split: Split, name: str, role: str) -> bool:
+    part = {"test": split.tested, "validate": split.validation}.get(role, split.fit)
+    early = part.select([name]).between(part.times[0], split.time_end)
+    return not np.isnan(early.values).all()
 
 
 def hold_out_episode(recording: Recording, split: Split) -> Split:
@@ -221,14 +238,6 @@ def _last_fit_index(times: NDArray[np.float64], fraction: float) -> int:
     rounding = 1e-9 * (times[-1] - times[0])
     count = int(np.searchsorted(times, end + rounding, side="right"))
     return min(count, len(times) - 1) - 1
-
-
-def _check_values(early: Recording) -> None:
-    for name, values in zip(early.names, early.values.T, strict=True):
-        if np.isnan(values).all():
-            problem = f"sensor {name!r} has no value until t = {early.times[-1]:.6g}"
-            hint = "remove it from the recording, or lower splits.time.test"
-            raise InputError(problem, hint=hint)
 
 
 def _positions(recording: Recording) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ from dashred.config import SensorSplit, Splits, TimeSplit
 from dashred.core.errors import InputError
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
-from dashred.data.splits import split_recording
+from dashred.data.splits import check_read, split_recording
 
 
 def wanted(validate=2, test=3, extra=None, time=0.2):
@@ -150,5 +150,7 @@ def test_impossible_splits_are_refused(make_recording, sensors, splits, message)
 def test_a_sensor_that_starts_too_late_is_refused(make_recording):
     recording = make_recording(8)
     recording.values[:90, 2] = np.nan
+    split = split_recording(recording, wanted(1, 1), 0)
     with pytest.raises(InputError, match="'s2' has no value until t = 8"):
-        split_recording(recording, wanted(1, 1), 0)
+        check_read([split])
+    check_read([split, split_recording(make_recording(8), wanted(1, 1), 0)])

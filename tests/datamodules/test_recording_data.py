@@ -82,7 +82,8 @@ def test_it_is_built_from_values_alone(fit, validation):
     """Neither a simulator nor a state is among the arguments."""
     parameters = inspect.signature(RecordingDataModule.__init__).parameters
     kinds = {name: p.annotation for name, p in parameters.items() if name != "self"}
-    assert set(kinds.values()) == {"Recording", "tuple[str, ...]", "int"}
+    values = {"Recording", "tuple[Recording, ...]"}
+    assert set(kinds.values()) == {*values, "tuple[str, ...]", "int"}
 
 
 def test_windows_end_with_what_the_inputs_read(fit, validation):

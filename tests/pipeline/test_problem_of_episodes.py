@@ -122,13 +122,39 @@ def test_its_objective_has_a_start_for_each_and_all_samples_once(quick, tmp_path
     assert len(simulate_ensemble(problem, nominal, {}).states) == members
 
 
-def test_a_sensor_that_is_silent_where_it_should_be_fitted_is_refused_by_episode(quick, tmp_path):
-    part = episode("a").recording
+def silent(name: str, until: int | None = None) -> Episode:
+    """Return an episode without values of s3 before a sample."""
+    part = episode(name).recording
     values = part.values.copy()
-    values[:38, 2] = np.nan
-    silent = Episode("a", Recording(SENSORS, part.times, values))
-    with pytest.raises(InputError, match="episode 'a': sensor 's2' has no value until"):
-        make_problem(quick, tmp_path, episode("b"), silent)
+    values[:until, 3] = np.nan
+    return Episode(name, Recording(SENSORS, part.times, values))
+
+
+def test_a_sensor_needs_values_before_the_held_out_time_in_one_episode(quick, tmp_path):
+    with pytest.raises(InputError, match="sensor 's3' has no value until"):
+        make_problem(quick, tmp_path, silent("b", 58), silent("a", 38))
+    with pytest.raises(InputError, match="sensor 's3' has no values"):
+        make_problem(quick, tmp_path, silent("b"), silent("a"))
+
+
+@pytest.mark.parametrize(("first", "second"), [("a", "b"), ("b", "a")])
+def test_an_episode_may_lack_a_sensor_that_another_one_has(quick, tmp_path, first, second):
+    problem = make_problem(quick, tmp_path, silent(first), episode(second))
+    nominal = simulate_nominal(problem, {})
+    objective = build_least_squares(problem, exact_simulator(problem, []), nominal.start, [], 1.0)
+    at = [part.name for part in problem.episodes].index(first)
+    names = problem.split.fit.names
+    recorded = objective.recorded.unflatten(1, (2, len(names)))[:, at, names.index("s3")]
+    assert recorded.isnan().all()
+    cost, _ = objective.values(torch.zeros(1, objective.modes, dtype=torch.float64))
+    assert bool(cost.isfinite().all())
+    counts = [len(part.split.fit.times) for part in problem.episodes]
+    windows = sensor_data(problem).windows.split(counts)[at]
+    assert bool(windows.isfinite().all())
+    other = next(part for part in problem.episodes if part.name == second)
+    usual = float(other.split.fit.select(["s3"]).values.mean())
+    read = windows[..., problem.split.inputs.index("s3")]
+    torch.testing.assert_close(read, torch.full_like(read, usual))
 
 
 def test_an_episode_that_is_too_short_is_refused_by_name(quick, tmp_path):

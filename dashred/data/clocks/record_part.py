@@ -33,7 +33,7 @@ class EmptySensorsError(InputError):
 def part_of(
     episodes: Episodes, part: RecordPart, path: str, of_date: Callable[[str], float] | None = None
 ) -> Episodes:
-    """Return a part of every episode; an episode without a sample in it is left out.
+    """Return a part of every episode; an episode without readings in it is left out.
 
     Inputs remain whole: the value before the first sample may hold until then.
 
@@ -45,32 +45,49 @@ def part_of(
 
     Raises:
         InputError: a bound is a date that cannot be used, or too few samples are left.
-        EmptySensorsError: no values of a sensor are left.
+        EmptySensorsError: no values of a sensor are left in any episode.
     """
-    if part.is_whole:
-        return episodes
+    left = episodes if part.is_whole else _cut(episodes, part, of_date)
+    _check_read(left, part, path)
+    return left
+
+
+def _cut(episodes: Episodes, part: RecordPart, of_date: Callable[[str], float] | None) -> Episodes:
     largest = max(float(np.abs(e.recording.times).max()) for e in episodes.episodes)
     # A time such as 0.3 may be 0.1 + 0.2 in the recording.
     first = _time(part.begin, BEGIN, of_date, -math.inf) - ROUNDING * largest
     last = _time(part.end, END, of_date, math.inf) + ROUNDING * largest
     cut = [Episode(e.name, e.recording.between(first, last)) for e in episodes.episodes]
-    left = [episode for episode in cut if len(episode.recording.times)]
+    left = [episode for episode in cut if not np.isnan(episode.recording.values).all()]
     counts = [len(episode.recording.times) for episode in left]
     fewest = fewest_samples(counts)
     few = min(left, key=lambda episode: len(episode.recording.times), default=None)
     if few is None or len(few.recording.times) < fewest:
         _raise_too_few(episodes, part, few, fewest)
-    for episode in left:
-        empty = np.isnan(episode.recording.values).all(axis=0)
-        if empty.any():
-            names = [episode.recording.names[i] for i in np.flatnonzero(empty).tolist()]
-            listed = ", ".join(map(repr, names))
-            verb = "sensors {} have" if len(names) > 1 else "sensor {} has"
-            problem = f"{verb.format(listed)} no values in the part {part}"
-            where = f"{path}, episode {episode.name!r}" if episode.name else path
-            hint = f"change {BEGIN} or {END}, or leave them out: recording.ignore=[NAME]"
-            raise EmptySensorsError(names, problem, where=where, hint=hint)
     return replace(episodes, episodes=tuple(left))
+
+
+def _check_read(episodes: Episodes, part: RecordPart, path: str) -> None:
+    """Check that every sensor has values in one episode at least.
+
+    Raises:
+        EmptySensorsError: one has none.
+    """
+    known = [~np.isnan(episode.recording.values).all(axis=0) for episode in episodes.episodes]
+    names = [
+        sensor.name
+        for sensor, is_read in zip(episodes.sensors, np.any(known, axis=0), strict=True)
+        if not is_read
+    ]
+    if not names:
+        return
+    listed, verb = ", ".join(map(repr, names)), "have" if len(names) > 1 else "has"
+    problem = f"sensor{'s' if len(names) > 1 else ''} {listed} {verb} no values"
+    hint = "leave them out: recording.ignore=[NAME]"
+    if not part.is_whole:
+        problem += f" in the part {part}"
+        hint = f"change {BEGIN} or {END}, or {hint}"
+    raise EmptySensorsError(names, problem, where=path, hint=hint)
 
 
 def _raise_too_few(

@@ -33,7 +33,7 @@ def samples_per_change(recording: Recording, noise: NDArray[np.float64]) -> dict
 
     The structure function ``D(k) = ⟨(y_{i+k} − y_i)²⟩ − 2σ²`` of a sine wave of period P is
     ``2 var (1 − cos 2πk/P)``. The result is the first lag k at which D reaches the value that a
-    sine wave has at ``k = P/16``. Sensors that show only noise are omitted.
+    sine wave has at ``k = P/16``. Sensors that show only noise, or have no values, are omitted.
 
     Args:
         recording: sampled at nearly equal steps.
@@ -41,6 +41,8 @@ def samples_per_change(recording: Recording, noise: NDArray[np.float64]) -> dict
     """
     found = {}
     for name, values, sigma in zip(recording.names, recording.values.T, noise, strict=True):
+        if np.isnan(values).all():
+            continue
         variance = float(np.nanvar(values)) - sigma**2
         if variance <= (MIN_SIGNAL_TO_NOISE * sigma) ** 2 or variance <= 0:
             continue

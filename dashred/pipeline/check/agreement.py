@@ -66,7 +66,10 @@ def compare_amplitudes(
     recorded, simulated = map(_std, values.T), [_std(column) for column in read.T]
     ratios: dict[str, float] = {}
     waiting: dict[bool, list[str]] = {True: [], False: []}
-    for sensor, own, other in zip(sensors, recorded, simulated, strict=True):
+    is_read = (~values.isnan()).any(dim=0).tolist()
+    for sensor, own, other, known in zip(sensors, recorded, simulated, is_read, strict=True):
+        if not known:
+            continue
         alike = (
             s for s, found in zip(simulated, sensors, strict=True) if found.reads == sensor.reads
         )

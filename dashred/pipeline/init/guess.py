@@ -53,12 +53,15 @@ def guess_values(guessed: GuessedSystem, episodes: Sequence[Recording]) -> Guess
     """
     episodes = [replace(episode, values=mask_sentinels(episode.values)) for episode in episodes]
     recording = longest_episode(episodes)
-    noise = _noise(recording)
+    noise = _noise(recording, [each for each in episodes if each is not recording])
     every = _step(guessed, recording, noise)
     start, spread = {}, {}
     for field in guessed.fields:
         selected = [sensor.reads == field for sensor in recording.sensors]
-        values = recording.values[:, selected]
+        known = [~np.isnan(episode.values[:, selected]) for episode in episodes]
+        most = max(range(len(episodes)), key=lambda i: (known[i].any(axis=0).sum(), known[i].sum()))
+        values = episodes[most].values[:, selected]
+        values = values[:, known[most].any(axis=0)]
         places = np.array([s.position for s in recording.sensors if s.reads == field])
         firsts = np.stack([_first_values(episode.values[:, selected]) for episode in episodes])
         start[field] = start_expression(guessed.axes, places, np.nanmean(firsts, axis=0))
@@ -100,9 +103,9 @@ def longest_episode(episodes: Sequence[Recording]) -> Recording:
     return max(episodes, key=lambda episode: len(episode.times))
 
 
-def _noise(recording: Recording) -> NDArray[np.float64]:
+def _noise(recording: Recording, others: Sequence[Recording]) -> NDArray[np.float64]:
     try:
-        return noise_std(recording)
+        return noise_std(recording, *others)
     except InputError:
         # A sensor never changes. The check reports this.
         return np.zeros(len(recording.sensors))

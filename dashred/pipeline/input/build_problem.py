@@ -18,7 +18,7 @@ from dashred.data.episodes import Episodes, name_episode_in_errors
 from dashred.data.inputs import with_inputs
 from dashred.data.noise_level import noise_std
 from dashred.data.recording import Recording
-from dashred.data.splits import Split, hold_out_episode, split_recording
+from dashred.data.splits import Split, check_read, hold_out_episode, split_recording
 from dashred.data.stated.known_factor import with_even_noise
 from dashred.physics.black_box.snapshot_file import open_snapshots
 from dashred.physics.black_box.snapshots import Snapshots
@@ -88,12 +88,13 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
             splits.append(split_recording(part.recording, config.splits, config.seed))
     raw = [episode.recording for episode in read.episodes]
     fitted = fitted_count(config, read)
+    check_read(splits[:fitted])
     if fitted < len(splits):
         splits[-1] = hold_out_episode(sampled.episodes[-1].recording, splits[-1])
     even = [with_even_noise(part, with_inputs(system, part.inputs)) for part in raw[:fitted]]
     noise = _noise(even, splits[:fitted])
     if not states_time_step(system):
-        longest_fit = max((split.fit for split in splits[:fitted]), key=lambda fit: len(fit.times))
+        longest_fit = max((split.fit for split in splits[:fitted]), key=_size)
         std = np.array([noise[name] for name in longest_fit.names])
         driven = with_inputs(system, longest_fit.inputs)
         limit = config.resolution_limit
@@ -123,9 +124,14 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
     ]
     _check_starts(problems)
     check_dynamics(problems[0])
-    longest = max(problems[:fitted], key=lambda problem: len(problem.split.fit.times))
+    longest = max(problems[:fitted], key=lambda problem: _size(problem.split.fit))
     others = tuple(problem for problem in problems[:fitted] if problem is not longest)
     return replace(longest, others=others, whole=tuple(problems[fitted:]))
+
+
+def _size(fit: Recording) -> tuple[int, int]:
+    """Return the number of samples of an episode, and that of the sensors it has values of."""
+    return len(fit.times), int((~np.isnan(fit.values).all(axis=0)).sum())
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -62,6 +62,7 @@ class AssimilationResult:
 
 def sensor_data(problem: Problem) -> RecordingDataModule:
     """Return the training data of the assimilation: the recording, episode by episode."""
+    every = tuple(episode.split.fit for episode in problem.episodes)
     parts = [
         RecordingDataModule(
             episode.split.fit,
@@ -70,6 +71,7 @@ def sensor_data(problem: Problem) -> RecordingDataModule:
             episode.config.shred.lags,
             episode.config.assimilation.batch,
             episode.config.seed,
+            every,
         )
         for episode in problem.episodes
     ]

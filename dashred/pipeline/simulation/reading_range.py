@@ -19,7 +19,7 @@ def distance_from_readings(problem: Problem, path: Tensor) -> Tensor:
     samples, in standard deviations of these. It is 0 between the quantiles of 1 % and 99 %, so that
     rare pulses that were recorded count as near, and infinite for NaN. The standard deviation is at
     least the noise σ, in case a quantity is constant. The distance of a sample is the largest of
-    its readings.
+    its readings; a quantity that the episode does not read has none.
 
     Args:
         problem: one episode.
@@ -32,6 +32,8 @@ def distance_from_readings(problem: Problem, path: Tensor) -> Tensor:
         mine = [j for j, sensor in enumerate(fit.sensors) if sensor.reads == quantity]
         known = fit.values[:, mine]
         known = known[np.isfinite(known)]
+        if not known.size:
+            continue
         read, std = simulated[:, mine], max(float(known.std()), float(noise[mine].max()), 1e-12)
         low, high = np.quantile(known, (OUTSIDE, 1 - OUTSIDE))
         is_outside = (read < low) | (read > high)

@@ -131,6 +131,24 @@ def test_a_part_without_samples_or_values_is_refused(ode, write):
         read_episodes(path, None, ode, layout(begin=1))
 
 
+def test_each_sensor_needs_values_in_one_episode(ode, write):
+    rows = [(run, t, run == 1) for run in (1, 2, 3) for t in TIMES]
+    told = [f"{run},{t},{'' if alone else t},{t if alone else ''}\n" for run, t, alone in rows]
+    path = write("e.csv", "episode,time,u,v\n" + "".join(told))
+    for part in (layout(), layout(begin=1)):
+        whole = read_episodes(path, None, ode, part)
+        known = [~np.isnan(each.recording.values).all(axis=0) for each in whole.episodes]
+        np.testing.assert_array_equal(known, [[False, True], [True, False], [True, False]])
+    early = [f"4,{t},{t if t < 1 else ''},\n" for t in TIMES]
+    path = write("l.csv", "episode,time,u,v\n" + "".join([*told, *early]))
+    names = [each.name for each in read_episodes(path, None, ode, layout(begin=1)).episodes]
+    assert names == ["1", "2", "3"]
+    silent = "".join(f"{run},{t},{t},{t if run == 1 and t < 1 else ''}\n" for run, t, _ in rows)
+    path = write("n.csv", "episode,time,u,v\n" + silent)
+    with pytest.raises(InputError, match="'v' has no values in the part from 1 to the end"):
+        read_episodes(path, None, ode, layout(begin=1))
+
+
 @pytest.mark.parametrize(
     ("begin", "end", "says"),
     [

@@ -24,11 +24,16 @@ def missing_remarks(recording: Recording) -> Iterator[Remark]:
     missing = np.isnan(recording.values).mean(axis=0)
     if not missing.any():
         return
-    yield Remark(f"{missing.mean():.1%} of the values are missing")
+    # Other episodes have values of these sensors.
+    unread = [name for name, share in zip(recording.names, missing, strict=True) if share == 1]
+    if unread:
+        yield Remark(f"No values of {shortened(unread)}")
+    if (missing[missing < 1] > 0).any():
+        yield Remark(f"{missing[missing < 1].mean():.1%} of the values are missing")
     many = [
         name
         for name, share, column in zip(recording.names, missing, recording.values.T, strict=True)
-        if share > MANY_MISSING and not _is_read_in_turn(column)
+        if MANY_MISSING < share < 1 and not _is_read_in_turn(column)
     ]
     if many:
         text = f"More than {MANY_MISSING:.0%} of the values are missing from {shortened(many)}"

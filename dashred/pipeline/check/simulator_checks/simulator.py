@@ -190,7 +190,7 @@ def _large_offset_remarks(context: CheckContext, nominal: NominalRun) -> Iterato
     for name, simulated in zip(context.system.fields, fields, strict=True):
         own = [column for column, sensor in enumerate(fit.sensors) if sensor.reads == name]
         read = torch.from_numpy(fit.values[:, own if context.recording is not None else []])
-        values = read[read.isfinite()] if read.numel() else simulated
+        values = read[read.isfinite()] if read.isfinite().any() else simulated
         mean, std = float(values.mean()), float(values.std())
         if abs(mean) > MAX_OFFSET * std > 0:
             yield warning(

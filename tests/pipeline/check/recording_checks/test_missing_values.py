@@ -39,6 +39,11 @@ def test_a_sensor_that_lacks_many_values_in_a_row_is_told(
     assert [remark.text.rpartition(" ")[2] for remark in told[1:]] == (["v"] if warned else [])
 
 
+def test_a_sensor_that_only_other_episodes_read_is_no_gap() -> None:
+    [told] = missing_remarks(recording(np.ones(60, dtype=bool)))
+    assert told == Remark("No values of v")
+
+
 def test_no_value_is_missing() -> None:
     assert not list(missing_remarks(recording(np.zeros(60, dtype=bool))))
 
