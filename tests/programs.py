@@ -20,6 +20,24 @@ def oscillator(
     return {"x": c * state["x"] + s / w * state["v"], "v": c * state["v"] - w * s * state["x"]}
 
 
+def heavy(
+    state: Mapping[str, Any], t: Any, dt: Any, inputs: Any, parameters: Mapping[str, float]
+) -> dict[str, Any]:
+    """``x' = p/m``, ``p' = -k x``, exactly: an oscillator with its momentum."""
+    k, m = parameters["k"], parameters["m"]
+    own = {"x": state["x"], "v": state["p"] / m}
+    moved = oscillator(own, t, dt, inputs, {"k": k / m})
+    return {"x": moved["x"], "p": m * moved["v"]}
+
+
+def chain(
+    state: Mapping[str, Any], t: Any, dt: Any, inputs: Any, parameters: Mapping[str, float]
+) -> dict[str, Any]:
+    """``a' = -k a``, ``b' = k a``, exactly."""
+    left = state["a"] * np.exp(-parameters["k"] * dt)
+    return {"a": left, "b": state["b"] + state["a"] - left}
+
+
 def pendulum(
     state: Mapping[str, Any], t: Any, dt: Any, inputs: Any, parameters: Mapping[str, float]
 ) -> dict[str, Any]:

@@ -40,7 +40,8 @@ def resample(
     Samples on the clock are kept unchanged (decimation). Otherwise each sensor is interpolated
     between neighbouring values: by a cubic through four samples where their spacing allows it,
     else linearly. Gaps longer than 2 steps (of the clock or the recording, whichever is longer)
-    stay NaN. A sensor that is read at a constant delay to the others is interpolated, too.
+    stay NaN. A sensor that is read at a constant delay to the others is interpolated, too. A value
+    between two gaps moves to the nearest time of the clock.
 
     Args:
         recording: the samples.
@@ -213,7 +214,34 @@ def _interpolated(
         inside = (clock >= times[0]) & (clock <= times[-1])
         usable = (bridged & inside) | exact
         values[usable, column] = _between(times, recorded[known], clock[usable], gap)
+        _keep_lone(values[:, column], times, recorded[known], clock, gap)
     return values
+
+
+def _keep_lone(
+    values: NDArray[np.float64],
+    times: NDArray[np.float64],
+    recorded: NDArray[np.float64],
+    clock: NDArray[np.float64],
+    gap: float,
+) -> None:
+    """Move each value between two gaps to the nearest time of the clock, in place.
+
+    Args:
+        values: of one sensor on the clock, ``(clock,)``.
+        times: of its recorded values, ``(time,)``.
+        recorded: these values, ``(time,)``.
+        clock: ``(clock,)``.
+        gap: an interval that is longer is not interpolated.
+    """
+    is_gap = np.concatenate([[True], np.diff(times) > gap, [True]])
+    lone = is_gap[:-1] & is_gap[1:]
+    step = clock[1] - clock[0]
+    places = np.rint((times[lone] - clock[0]) / step).astype(int).clip(0, len(clock) - 1)
+    is_near = np.abs(clock[places] - times[lone]) <= step / 2 * (1 + CLOCK_TOLERANCE)
+    places, moved = places[is_near], recorded[lone][is_near]
+    is_free = np.isnan(values[places])
+    values[places[is_free]] = moved[is_free]
 
 
 def _between(

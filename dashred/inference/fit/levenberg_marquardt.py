@@ -6,6 +6,7 @@ and the fits of many sets of candidates share one Jacobian (chord steps).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -20,6 +21,8 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquat
 LADDER = ((0.0, 0.1, 3.0), (30.0, 300.0, 3000.0))
 # Growth factor of the horizon; steps and tolerance at each horizon.
 GROWTH, GROWING_STEPS, GROWING_TOLERANCE = 1.4, 3, 1e-2
+# A tolerance from which on F alone matters, and not how well the unknowns are determined.
+LOOSE = 0.02
 # Largest number of rounds.
 ROUNDS = 4
 # Largest number of further steps with one Jacobian.
@@ -37,7 +40,7 @@ class FitResult:
         cost: F at ``phi``.
         chi2: the part ``‖W(H S - y)‖²`` of F.
         readings: readings at ``phi``, ``(time, sensor)``.
-        converged: whether the last step lowered F by less than the tolerance.
+        converged: whether F is at its minimum, to within the tolerance.
         jacobians: number of Jacobians computed.
     """
 
@@ -55,15 +58,21 @@ def minimise(
     steps: int,
     tolerance: float,
     known: NormalEquations | None = None,
+    bound: float = math.inf,
 ) -> FitResult:
     """Minimise F with a fresh Jacobian at every step.
+
+    The fit has converged if a step lowers F by little. With a loose tolerance it has converged, too,
+    if further steps with the same Jacobian reach the F that the linearised problem predicts.
 
     Args:
         objective: F.
         phi: initial unknowns.
         steps: largest number of Jacobians.
-        tolerance: the fit has converged if a step lowers F by a smaller share.
+        tolerance: share of F that counts as little.
         known: normal equations at ``phi``, under any prior, if they are known already.
+        bound: F that the fit has to reach. It is given up if the gain of the last step in each of
+            the remaining ones would not suffice.
 
     Raises:
         OutOfTimeError: the deadline of F is over.
@@ -82,7 +91,12 @@ def minimise(
         converged = fitted.cost - lower.cost < tolerance * fitted.cost
         if not converged:
             lower = _chord_steps(objective, normal, lower, tolerance)
+            if tolerance >= LOOSE:
+                converged = abs(lower.cost - normal.minimum()) < tolerance * lower.cost
+        gain = fitted.cost - lower.cost
         fitted = replace(lower, converged=converged, jacobians=fitted.jacobians + 1)
+        if fitted.cost - gain * (steps - fitted.jacobians) > bound:
+            break
     return fitted
 
 

@@ -176,9 +176,10 @@ def fit_growing_horizon(objective: LeastSquaresProblem, z: Tensor, bound: float)
     """Fit from the given unknowns; if that leaves more than noise, also over a growing horizon.
 
     A fit under a narrow prior may end in a minimum from which the right one cannot be reached. F
-    increases with the number of samples, so a fit above the bound is given up early.
+    increases with the number of samples, so a fit above the bound is given up early, as is one that
+    will not reach it.
     """
-    fitted = _fit_start(objective, z)
+    fitted = _fit_start(objective, z, bound)
     if not _is_poor(objective, fitted):
         return fitted
     begin = torch.zeros_like(z)
@@ -186,12 +187,12 @@ def fit_growing_horizon(objective: LeastSquaresProblem, z: Tensor, bound: float)
         if grown.cost > bound:
             return fitted
         begin = grown.phi
-    return min(fitted, _fit_start(objective, begin), key=lambda each: each.cost)
+    return min(fitted, _fit_start(objective, begin, bound), key=lambda each: each.cost)
 
 
-def _fit_start(objective: LeastSquaresProblem, z: Tensor) -> FitResult:
+def _fit_start(objective: LeastSquaresProblem, z: Tensor, bound: float) -> FitResult:
     """Fit with a rough tolerance, then until convergence if no more than noise is left."""
-    fitted = minimise(objective, z, STEPS, ROUGH_TOLERANCE)
+    fitted = minimise(objective, z, STEPS, ROUGH_TOLERANCE, bound=bound)
     if _is_poor(objective, fitted):
         return fitted
     return minimise(objective, fitted.phi, STEPS, TOLERANCE)

@@ -40,6 +40,7 @@ def locate(
     times: Tensor,
     sensors: Sequence[str],
     recorded: Tensor,
+    near: Tensor | None = None,
 ) -> Where:
     """Return ``findings["where"]``, for the fit window.
 
@@ -52,6 +53,8 @@ def locate(
         sensors: names of the fit sensors, in the order of the residuals.
         recorded: σ of the noise as stated or estimated from the traces, ``(sensor,)``, in the order
             of the residuals. The residuals of a law that does not fit are no measure of it.
+        near: whether each state is in the range of the recording, ``(time,)``; None if all are. A
+            run that leaves it tells nothing about the states in which the law acts.
     """
     law = discovery.best
     ratios = law_tendency(system, law, states, times)
@@ -60,6 +63,7 @@ def locate(
     shares = ratios.transpose(0, 1).flatten(1).square().mean(dim=1).sqrt()
     total = float(shares.sum())
     power = ratios.square().sum(dim=1)
+    visited = torch.ones(len(states), dtype=torch.bool) if near is None else near
     count = len(discovery.noise.available)
     old, new = (_padded(each.residuals, count) for each in (discovery.uncorrected, law))
     # Samples that either law leaves out, such as spikes, are not compared.
@@ -77,7 +81,9 @@ def locate(
         },
         region=region_of(system, law) or _region_of_source(source),
         time=[float(times[0]), float(times[-1])],
-        states=active_states(system, states, power, _reads(system, law)) if total else None,
+        states=active_states(system, states[visited], power[visited], _reads(system, law))
+        if total
+        else None,
         sensors=_sensors(sensors, before, after, available, decrease, len(law.candidates)),
         significance=_significance(decrease, len(law.candidates), discovery.refit_count),
         profile=_profile(times, before, after, available),

@@ -43,6 +43,11 @@ class FaultSet:
         return self.cost + self.penalty
 
     @property
+    def constant(self) -> float:
+        """Sum of the constants of the faults."""
+        return sum(fault.constant for fault in self.faults)
+
+    @property
     def key(self) -> frozenset[tuple[str, int]]:
         """Kinds and sensors."""
         return frozenset((fault.kind, fault.sensor) for fault in self.faults)

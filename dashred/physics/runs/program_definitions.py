@@ -14,6 +14,8 @@ from dashred.physics.system import System
 # Allowed deviation of a rate from a multiple of another field, as a share of its rms. A rate comes
 # from a difference over a short time, during which the other field changes.
 TOLERANCE = 0.02
+# A field is moved by this share of its rms to see what it acts on.
+MOVE = 0.1
 # States that are compared.
 MOST_STATES = 64
 
@@ -38,7 +40,20 @@ def program_definitions(system: System, states: Tensor, times: Tensor) -> dict[s
             product, square = (rates[:, i] * states[:, j]).sum(), states[:, j].square().sum()
             if i == j or not product > 0:
                 continue
-            rest = rates[:, i] - product / square * states[:, j]
-            if float(torch.linalg.vector_norm(rest)) < TOLERANCE * float(size):
+            factor = float(product / square)
+            rest = rates[:, i] - factor * states[:, j]
+            if float(torch.linalg.vector_norm(rest)) >= TOLERANCE * float(size):
+                continue
+            if abs(factor - 1) < TOLERANCE or _acts_on(system, states, times, rates, i, j):
                 found[field] = other
     return found if len(found) < len(system.fields) else {}
+
+
+def _acts_on(
+    system: System, states: Tensor, times: Tensor, rates: Tensor, field: int, other: int
+) -> bool:
+    """Tell whether the rate of another field depends on a field."""
+    moved = states.clone()
+    moved[:, field] += MOVE * states[:, field].square().mean().sqrt()
+    change = program_rates(system, moved, times)[:, other] - rates[:, other]
+    return float(change.norm()) > TOLERANCE * MOVE * float(rates[:, other].norm())

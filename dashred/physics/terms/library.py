@@ -79,23 +79,23 @@ def equations_with_candidates(system: System) -> list[str]:
     An equation such as ``θ' = ω`` or ``q' = p/m`` only defines ω or p. A missing term there is
     equivalent to a redefinition of ω and a term in the equation of ω; sensors of θ cannot
     distinguish the two. Such equations get no candidates, unless all equations are of this kind.
-    A negative factor makes a force: ``p' = -k q`` gets candidates.
+    A negative factor makes a force: ``p' = -k q`` gets candidates. So does ``b' = k a`` if b has no
+    effect on a: a is then something that becomes b, and no rate.
     """
     fields = system.fields
     # With snapshots there are no equations, so every field gets candidates.
     named = {field: system.resolved[field] for field in fields if field in system.resolved}
-    others = {
-        field: expr
-        for field, expr in named.items()
-        if not _is_definition(expr, set(fields) - {field})
-    }
+    others = {field: expr for field, expr in named.items() if not _is_definition(field, named)}
     return list(others) or list(fields)
 
 
-def _is_definition(expr: algebra.Expr, fields: Set[str]) -> bool:
-    """Tell whether a tendency is another field times a positive number; ``-x`` is a force."""
-    factor, rest = algebra.split_coefficient(expr)
-    return factor > 0 and isinstance(rest, algebra.Name) and rest.id in fields
+def _is_definition(field: str, tendencies: Mapping[str, algebra.Expr]) -> bool:
+    """Tell whether an equation only defines another field, up to a positive factor."""
+    factor, rest = algebra.split_coefficient(tendencies[field])
+    if not (factor > 0 and isinstance(rest, algebra.Name) and rest.id in tendencies):
+        return False
+    is_rate = factor == 1 or field in algebra.names(tendencies[rest.id])
+    return is_rate and rest.id != field
 
 
 def default_terms(system: System) -> list[str]:

@@ -57,7 +57,7 @@ def state_samples(problem: Problem, nominal: NominalRun) -> StateSamples:
     episode to episode. A system that depends on the time itself is sampled in its longest episode.
     """
     episodes, paths = problem.episodes, nominal.references
-    kept = [_within_range(episode, path) for episode, path in zip(episodes, paths, strict=True)]
+    kept = [within_range(episode, path) for episode, path in zip(episodes, paths, strict=True)]
     if len(episodes) == 1 or _depends_on_time(problem):
         times = problem.times[kept[0]]
         return StateSamples(problem.system, paths[0][kept[0]], times, nominal.prior)
@@ -83,7 +83,7 @@ def moved_states(prior: StartPrior, states: Tensor) -> Tensor:
     return states + changes[torch.arange(len(states)) % CHANGES]
 
 
-def _within_range(episode: Problem, path: Tensor) -> Tensor:
+def within_range(episode: Problem, path: Tensor) -> Tensor:
     """Return whether each sample is within the range of the readings; all, if too few are."""
     near = distance_from_readings(episode, path) < FARTHEST
     return near if int(near.sum()) >= FEWEST else torch.ones_like(near)

@@ -49,7 +49,14 @@ def predict_held_out(problem: Problem, analysis: Analysis) -> HeldOutPredictions
 
 
 def held_out_errors(predictions: HeldOutPredictions) -> HeldOut:
-    """Return the RMSE of every method; of several episodes over all samples together."""
+    """Return the RMSE of every method; of several episodes over all samples together.
+
+    There is none of data without readings.
+    """
+    with_readings = {
+        data: [part for part in parts if not np.isnan(part.recorded).all()]
+        for data, parts in predictions.items()
+    }
     rmse = {
         data: errors_by_method(
             **{
@@ -58,7 +65,7 @@ def held_out_errors(predictions: HeldOutPredictions) -> HeldOut:
                 if any(method in part.read for part in parts)
             }
         )
-        for data, parts in predictions.items()
+        for data, parts in with_readings.items()
     }
     errors = HeldOut(
         test_sensors=rmse["test_sensors"],

@@ -32,6 +32,7 @@ from dashred.pipeline.analysis import Analysis
 from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.numerical_error import numerical_error, sufficient_step
+from dashred.pipeline.simulation.state_samples import within_range
 from dashred.pipeline.verification.comparison import compare_held_out, misfits_at_sensors
 from dashred.pipeline.verification.confirmation import contradiction_of_faults, is_law_contradicted
 from dashred.pipeline.verification.energy import energy_loss
@@ -124,12 +125,19 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
             verdict=kind,
             causes=causes,
             where=locate(
-                problem.system, without, states[:count], problem.times[:count], names, stated
+                problem.system,
+                without,
+                states[:count],
+                problem.times[:count],
+                names,
+                stated,
+                within_range(problem, states[:count]),
             ),
             units=units,
         )
         note_budget(failed, problem.budget)
         return add_text(failed, problem.system)
+    states = analysis.trajectories.states["corrected"][:count]
     hidden = hidden_state(problem.system, discovered.best, problem.hidden)
     tell_hidden_state(causes, hidden)
     findings = new_findings(
@@ -141,10 +149,11 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         where=locate(
             problem.system,
             discovered,
-            analysis.trajectories.states["corrected"][:count],
+            states,
             problem.times[:count],
             names,
             stated,
+            within_range(problem, states),
         ),
         terms=terms_of_discovery(problem.system, discovered),
         fitted_parameters=[

@@ -188,3 +188,21 @@ def test_a_long_gap_or_loggers_by_turns_do_not_make_a_clock_empty():
     sampled, says = resample(turns, None)
     assert says.startswith("kept samples: 120 at a step of 0.05")
     np.testing.assert_array_equal(sampled.values, turns.values)
+
+
+def test_lone_values_move_to_the_nearest_time_of_the_clock():
+    """Two sensors that are read at times that grow by a factor, as in a pumping test."""
+    times = np.unique(np.concatenate([1.31 ** np.arange(1, 18), 1.47 ** np.arange(1, 13)]))
+    values = np.stack([np.log(times), np.sqrt(times)], axis=1)
+    values[~np.isin(times, 1.31 ** np.arange(1, 18)), 0] = np.nan
+    values[~np.isin(times, 1.47 ** np.arange(1, 13)), 1] = np.nan
+    sensors = Sensor("a", "u", (0.5,)), Sensor("b", "u", (1.5,))
+    recording = Recording(sensors, times, values)
+    own = native_step(times)
+    sampled, _ = resample(recording, own)
+    known = ~np.isnan(sampled.values)
+    # Values that are near each other are interpolated.
+    assert (known.sum(axis=0) >= [14, 10]).all()
+    exact = np.stack([np.log(sampled.times), np.sqrt(sampled.times)], axis=1)
+    slopes = np.stack([1 / sampled.times, 0.5 / np.sqrt(sampled.times)], axis=1)
+    assert (np.abs(sampled.values - exact)[known] <= 0.51 * own * slopes[known]).all()

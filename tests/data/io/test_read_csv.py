@@ -183,7 +183,6 @@ BAD = {
         "no column is a sensor: the columns are u[0], u[1]",
     ),
     "duplicate": (text(rows(header="time,u,u")), "'u' occurs twice"),
-    "nameless": (text(rows(header="time,u,")), "r.csv:1: column 3 has no name"),
     "nearest": (
         text(rows(header="time,u,sped")),
         "r.csv:1, column 'sped': column 'sped' is not known: did you mean speed?",

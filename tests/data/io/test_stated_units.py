@@ -43,7 +43,7 @@ def test_a_unit_spelled_otherwise_is_the_same(ode, write) -> None:
         ("time,u [m],v", "r.csv:1, column 'u': sensor 'u' is in m here, but in rad in conf"),
         ("time [m],u,v", "r.csv:1, column 'time': time is in m here, but in s in conf.yaml, sy"),
         ("time,u [],v", "r.csv:1: the unit of column 'u' is empty"),
-        ("time,u [rad],u [deg]", "r.csv:1: 'u' occurs twice"),
+        ("time,u [rad],u [deg]", "r.csv:1, column 'u': 'u' occurs twice"),
     ],
 )
 def test_another_unit_than_the_configurations_is_refused(ode, write, header, message) -> None:

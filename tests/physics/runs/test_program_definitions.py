@@ -28,3 +28,26 @@ def test_the_rate_of_a_place_is_its_velocity(make_system) -> None:
     torch.testing.assert_close(rates[:, 0], path[:, 1], rtol=0, atol=0.01)
     sizes = tendency_size(system, path, times)
     torch.testing.assert_close(sizes[1], (4 * path[:, 0]).square().mean().sqrt(), rtol=0.01, atol=0)
+
+
+def test_a_momentum_is_a_rate_and_a_substrate_is_not(make_system) -> None:
+    words = "recording.path=recorded.csv"
+    times = torch.linspace(0, 10, 101, dtype=torch.float64)
+    text = TEXT.replace("oscillator", "heavy").replace("k: 4.0", "k: 4.0, m: 3.0")
+    text = text.replace("v: velocity", "p: momentum").replace("v: 0.0", "p: 0.0")
+    system = make_system(text, "trust=tests.programs.heavy", words)
+    [path] = simulate(system, nominal_start(system), times)
+    assert program_definitions(system, path, times) == {"x": "p"}
+    system = make_system(
+        """
+        fields: {a: substrate, b: product}
+        parameters: {k: 0.4}
+        simulator: {function: tests.programs.chain}
+        start: {a: 1.0, b: 0.0}
+        integrator: {dt: 0.05}
+        """,
+        "trust=tests.programs.chain",
+        words,
+    )
+    [path] = simulate(system, nominal_start(system), times)
+    assert program_definitions(system, path, times) == {}

@@ -189,6 +189,28 @@ def test_an_equation_that_says_what_a_field_is_has_no_terms_whatever_its_paramet
     assert {term.equation for term in build_library(system, {"q": ["q"]})} == {"q"}
 
 
+@pytest.mark.parametrize(
+    ("a", "b", "opened"),
+    [
+        ("-k*a", "k*a", {"a", "b"}),
+        ("-k*a**2", "2*a", {"a", "b"}),
+        ("-k*a + 0.1*b", "k*a", {"a"}),
+        ("-9.81", "a", {"a"}),
+        ("-9.81 - k*a", "a", {"a"}),
+    ],
+)
+def test_what_becomes_something_else_is_no_rate(make_system, a, b, opened):
+    """In a chain a → b both equations have terms; in a fall, b is the height and a its rate."""
+    system = make_system(f"""
+        fields: {{a: substrate, b: product}}
+        parameters: {{k: 3.0}}
+        equations: {{a: "{a}", b: "{b}"}}
+        start: {{a: 1, b: 0}}
+        integrator: {{dt: 0.1}}
+    """)
+    assert {term.equation for term in build_library(system, None)} == opened
+
+
 def test_equations_that_only_define_fields_all_have_terms(make_system):
     system = make_system("""
         fields: {q: charge (C), p: flux (V s)}

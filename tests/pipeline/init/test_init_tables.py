@@ -238,3 +238,11 @@ def test_a_repeated_header_is_a_field_unless_it_is_a_copy(tmp_path: Path, other:
     (tmp_path / "mine.yaml").unlink()
     left = written(tmp_path, "\n".join(["time,u,u", *rows, ""]), "ignore=u (2)")
     assert left["fields"] == ["u"]
+
+
+def test_the_index_of_a_data_frame_is_no_field(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [f"{i},{t},{np.sin(t)}" for i, t in enumerate(TIMES)]
+    assert written(tmp_path, "\n".join([",time,u", *rows, ""]))["fields"] == ["u"]
+    assert "left out: column_1 (constant, or a count of the rows)" in capsys.readouterr().out

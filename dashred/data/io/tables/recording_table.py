@@ -36,15 +36,12 @@ def read_recording_table(path: str, layout: TableLayout) -> Table:
         return _grouped_table(path, layout, text, groups, rows, lines)
     header, names, below = lines[0], layout.every_name, text.below_header
     units_row = [cell.strip(" ()[]") for cell in rows[1]] if below else []
-    repeated: dict[str, str] = {}
     if names is None:
         if not text.has_header and not layout.headers:
             hint = f"give them: recording.columns=[{', '.join(example_names(len(rows[0])))}]"
             raise InputError("the columns have no names", where=f"{path}:{header}", hint=hint)
         numbers = [str(number + 1) for number in range(len(rows[0]))]
         headers = rows[0] if text.has_header else numbers
-        headers, repeated = number_repeated(headers)
-        headers = layout.rename(headers, f"{path}:{header}")
     else:
         headers = list(names)
     if text.has_header:
@@ -55,6 +52,10 @@ def read_recording_table(path: str, layout: TableLayout) -> Table:
     if names is None:
         _fill_ends(headers, rows)
     _drop_empty_end(headers, rows)
+    repeated: dict[str, str] = {}
+    if names is None:
+        headers, repeated = number_repeated(headers)
+        headers = layout.rename(headers, f"{path}:{header}")
     columns, units = read_header(headers, f"{path}:{header}", layout.used)
     for column, unit in zip(columns, units_row, strict=False):
         if is_known_unit(unit):
@@ -131,7 +132,8 @@ def _without_copies(table: Table, repeated: Mapping[str, str], layout: TableLayo
         name = renamed.get(header, header)
         if not {name, column} <= set(table.columns) or {name, column} & {*layout.ignored}:
             continue
-        if table.texts(name) == table.texts(column):
+        has_same_unit = table.units.get(name) == table.units.get(column)
+        if has_same_unit and table.texts(name) == table.texts(column):
             copies.append(column)
         elif name in layout.used or name.lower() in (*TIMES, "episode"):
             hint = f"leave one of them out: recording.ignore=['{column}']"

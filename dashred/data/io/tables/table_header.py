@@ -63,21 +63,26 @@ def _split_units(cells: list[str], used: Collection[str]) -> list[tuple[str, str
 def number_repeated(cells: Sequence[str]) -> tuple[list[str], dict[str, str]]:
     """Number the headers that repeat another one: ``Loop (2)``, and ``u (2) [V]`` with a unit.
 
+    A column without a header is called by its number, ``column 1``: many programs write the number
+    of each row first.
+
     Returns:
         The headers; and the repeated name of every numbered one, without units.
     """
     found: list[str] = []
     repeated: dict[str, str] = {}
-    for cell in map(str.strip, cells):
-        header = cell
-        if cell and cell in found:
-            name, unit = split_header(cell)
-            if unit is None or NUMBER.fullmatch(unit):
-                name, unit = cell, None
+    names: set[str] = set()
+    for place, cell in enumerate(map(str.strip, cells)):
+        header = cell or f"column {place + 1}"
+        name, unit = split_header(header)
+        if unit is None or not header.endswith("]") or NUMBER.fullmatch(unit):
+            name, unit = header, None
+        if name in names:
             others = (f"{name} ({number})" for number in count(2))
-            free = next(n for n in others if n not in (*found, *cells) and n not in repeated)
-            repeated[free] = name
+            free = next(n for n in others if n not in names and n not in cells)
+            repeated[free], name = name, free
             header = free if unit is None else f"{free} [{unit}]"
+        names.add(name)
         found.append(header)
     return found, repeated
 

@@ -106,7 +106,8 @@ def fit_periodic_laws(
     excess = float(normal.residuals.square().sum()) - objective.noise.count
     required_change = min(required_change, -MIN_EXPLAINED_SHARE * excess)
     waves = _select_waves(normal, system, forcing_basis, grid, tendency_rms, required_change)
-    return in_time(lambda wave: _fit_wave(base, wave, tendency_rms, penalty), waves)
+    fits = in_time(lambda wave: _fit_wave(base, wave, tendency_rms, penalty), waves)
+    return [fit for fit in fits if fit is not None]
 
 
 def _frequency_grid(times: Tensor) -> Tensor:
@@ -160,13 +161,16 @@ def _select_waves(
 
 def _fit_wave(
     base: HypothesisFit, wave: Wave, tendency_rms: Tensor, penalty: float
-) -> HypothesisFit:
-    """Fit a wave and its frequency together with the base law and the initial state."""
+) -> HypothesisFit | None:
+    """Fit a wave and its frequency together with the base law and the initial state.
+
+    Below one period over the record, a wave is only a trend: None.
+    """
     times = base.objective.forward_model.times
     first, last = float(times.min()), float(times.max())
     middle, half = (first + last) / 2, (last - first) / 2
-    fastest = float(_frequency_grid(times)[-1])
-    own, phi = len(base.phi), base.phi
+    slowest, fastest = math.pi / half, float(_frequency_grid(times)[-1])
+    own, phi, is_trend = len(base.phi), base.phi, False
     for _ in range(ROUNDS):
         slope = _build_slope(base, wave, middle, half)
         problem = _add_candidates(base, [*_build_wave_terms(base, wave, tendency_rms), slope])
@@ -175,11 +179,13 @@ def _fit_wave(
         phi = fitted.phi[:own]
         sine, cosine, shift = fitted.phi[own:].tolist()
         moved = wave.frequency + min(max(shift, -math.pi / half), math.pi / half)
-        # Below one period over the record, a wave is only a trend.
-        frequency = min(max(moved, math.pi / half), fastest)
+        is_trend = moved < slowest
+        frequency = min(max(moved, slowest), fastest)
         wave = replace(wave, sine=sine, cosine=cosine).at(frequency, middle)
         if abs(shift) * half < CONVERGED_PHASE:
             break
+    if is_trend:
+        return None
     problem = _add_candidates(base, _build_wave_terms(base, wave, tendency_rms))
     begin = torch.tensor([wave.sine, wave.cosine], dtype=torch.float64)
     fitted = minimise(problem, torch.cat([phi, begin]), LAST_STEPS, LAST_TOLERANCE)

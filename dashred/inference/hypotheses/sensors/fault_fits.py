@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial, reduce
@@ -60,8 +61,7 @@ class FittedFaults:
     @property
     def score(self) -> float:
         """``F + constants + penalty``."""
-        constant = sum(fault.constant for fault in self.found.faults)
-        return self.fitted.cost + constant + self.found.penalty
+        return self.fitted.cost + self.found.constant + self.found.penalty
 
 
 def fit_sensor_hypotheses(fit: HypothesisFit, bound: float) -> list[HypothesisFit]:
@@ -86,7 +86,7 @@ def fit_sensor_hypotheses(fit: HypothesisFit, bound: float) -> list[HypothesisFi
         for rank, found in enumerate(predicted[:MAX_FITS])
         if found.score < min(limit, bound) or (not rank and found.cost < dragged)
     ]
-    fits = sorted(fit_fault_sets(objective, chosen, phi), key=_score)
+    fits = sorted(fit_fault_sets(objective, chosen, phi, bound), key=_score)
     fits[:MAX_REFITS] = [_refit_if_poor(each, fit.law.chi2, bound) for each in fits[:MAX_REFITS]]
     fits += _search_again(objective, fits, bound)
     return [_hypothesis(each, penalty) for each in fits]
@@ -149,7 +149,10 @@ def fit_faults(objective: LeastSquaresProblem, found: FaultSet, phi: Tensor) -> 
 
 
 def fit_fault_sets(
-    objective: LeastSquaresProblem, sets: Sequence[FaultSet], phi: Tensor
+    objective: LeastSquaresProblem,
+    sets: Sequence[FaultSet],
+    phi: Tensor,
+    bound: float = math.inf,
 ) -> list[FittedFaults]:
     """Fit initial state, law and faults together, for several sets of faults.
 
@@ -157,15 +160,17 @@ def fit_fault_sets(
         objective: F of the law.
         sets: the faults, with the parameters at which the fits begin.
         phi: initial state and law at which they begin, ``(unknown,)``.
+        bound: a fit whose score will not fall below this is given up.
 
     Raises:
         OutOfTimeError: the deadline of F is over.
     """
     problems = [reduce(_with_fault, found.faults, objective) for found in sets]
     begins = [torch.cat([phi, *found.parameters]) for found in sets]
+    most = [bound - found.constant - found.penalty for found in sets]
     fits = [
-        Fit(problem, partial(minimise, phi=begin, steps=STEPS, tolerance=TOLERANCE))
-        for problem, begin in zip(problems, begins, strict=True)
+        Fit(problem, partial(minimise, phi=begin, steps=STEPS, tolerance=TOLERANCE, bound=cost))
+        for problem, begin, cost in zip(problems, begins, most, strict=True)
     ]
     return [*map(FittedFaults, sets, problems, fit_all(fits))]
 

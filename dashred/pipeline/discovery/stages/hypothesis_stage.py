@@ -33,7 +33,7 @@ from dashred.pipeline.simulation.state_samples import state_samples
 
 STEPS, TOLERANCE = 10, 1e-4
 # If the misfit is more than this many times the noise, the fit without a law needs little accuracy.
-LARGE_MISFIT, ROUGH_TOLERANCE = 5.0, 0.005
+LARGE_MISFIT, ROUGH_TOLERANCE = 5.0, 0.03
 # Number of samples of the first fit without a law if no earlier fit is trusted.
 FIRST_SAMPLES = 6
 

@@ -74,6 +74,21 @@ def test_a_repeated_header_has_a_number_by_which_it_is_named(write: Write) -> No
     assert copied.rows == [["0", "1"], ["1", "2"]]
 
 
+def test_names_with_different_units_are_numbered_too(write: Write) -> None:
+    text = "time,feed [L/min],feed [g/h],T (K),T (degC)\n0,1,2,3,4\n1,2,3,4,5\n"
+    table = read(write, text, TableLayout(used=("T (K)",)))
+    assert table.columns == ("time", "feed", "feed (2)", "T (K)", "T (degC)")
+    assert table.units["feed (2)"] == "g/h"
+    with pytest.raises(InputError, match="'feed' occurs twice"):
+        read(write, text, TableLayout(used=("feed",)))
+
+
+def test_a_column_without_a_header_has_its_number(write: Write) -> None:
+    table = read(write, ",time,u,\n0,0,1,5\n1,1,2,6\n", TableLayout(used=("u",)))
+    assert table.columns == ("column 1", "time", "u", "column 4")
+    assert read(write, "time,u,\n0,1,\n1,2,\n").columns == ("time", "u")
+
+
 def test_the_line_below_the_header_has_units(write: Write) -> None:
     table = read(write, "time,u [V],v,w\nsecond,mV,-,m/s\n0,1,2,3\n1,2,3,4\n")
     assert table.units == {"time": "second", "u": "V", "w": "m/s"}
