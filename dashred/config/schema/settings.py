@@ -218,9 +218,9 @@ class Settings:
     library: dict[str, list[str]] | None
     """Candidate terms of each equation or let; one that is not listed has none. Null builds them
     from the fields and inputs, except for equations that only define another field
-    (``theta: omega``, ``q: p/m`` with a p that depends on q). Sines and cosines are then candidates for angles only: fields whose sine or
-    cosine an equation contains, whose unit is ``rad`` or ``deg``, whose description says angle, or
-    that ``recording.angles`` names."""
+    (``theta: omega``, ``q: p/m`` with a p that depends on q). Sines and cosines are then candidates
+    for angles only: fields whose sine or cosine an equation contains, whose unit is ``rad`` or
+    ``deg``, whose description says angle, or that ``recording.angles`` names."""
 
     recording: Recording
     splits: Splits

@@ -62,7 +62,7 @@ def minimise(
 ) -> FitResult:
     """Minimise F with a fresh Jacobian at every step.
 
-    The fit has converged if a step lowers F by little. With a loose tolerance it has converged, too,
+    The fit has converged if a step lowers F by little. With a loose tolerance it has also converged
     if further steps with the same Jacobian reach the F that the linearised problem predicts.
 
     Args:

@@ -171,9 +171,11 @@ def _noise(
 def _relative_noise_of(episode: Problem) -> Array | None:
     """Return the relative noise of all sensors over the fit window, ``(time, sensor)``."""
     split, count = episode.split, len(episode.split.fit.times)
-    validated = split.validation.select(split.validate).samples(slice(count))
-    tested = split.tested.samples(slice(count))
-    found = [(part, episode.relative_noise(part)) for part in (split.fit, validated, tested)]
+    parts = [split.fit, split.tested.samples(slice(count))]
+    if split.validate:
+        # Without validation sensors, it contains a part of the samples of the fitted ones.
+        parts.insert(1, split.validation.select(split.validate).samples(slice(count)))
+    found = [(part, episode.relative_noise(part)) for part in parts]
     if all(sizes is None for _, sizes in found):
         return None
     ones = [np.ones_like(part.values) if sizes is None else sizes for part, sizes in found]

@@ -12,6 +12,7 @@ from torch import Tensor
 from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.levenberg_marquardt import (
     LADDER,
+    LOOSE,
     FitResult,
     Refits,
     _step,
@@ -230,3 +231,28 @@ def test_a_start_that_blows_up_is_returned_with_an_infinite_cost(bent: LeastSqua
     found = minimise(bent, phi, 3, 1e-3)
     assert found.cost == torch.inf and not found.converged
     assert torch.equal(found.phi, phi)
+
+
+def test_with_a_loose_tolerance_a_good_prediction_needs_no_second_jacobian(
+    linear: LeastSquaresProblem, bent: LeastSquaresProblem
+) -> None:
+    loose, tight = (minimise(linear, nothing(linear), 5, tol) for tol in (LOOSE, LOOSE / 2))
+    assert (loose.jacobians, tight.jacobians) == (1, 2)
+    assert loose.converged and loose.cost == pytest.approx(tight.cost, rel=1e-9)
+    far = nothing(bent)
+    far[:2] = torch.tensor([5.0, -5.0])
+    found = minimise(bent, far, 15, LOOSE)
+    assert found.converged and found.jacobians > 1
+    assert found.cost < (1 + LOOSE) * minimise(bent, far, 15, 1e-8).cost
+
+
+def test_a_fit_that_cannot_reach_its_bound_is_given_up(bent: LeastSquaresProblem) -> None:
+    far = nothing(bent)
+    far[:2] = torch.tensor([5.0, -5.0])
+    whole = minimise(bent, far, 15, 1e-8)
+    reached = minimise(bent, far, 15, 1e-8, bound=whole.cost + 1)
+    assert torch.equal(reached.phi, whole.phi)
+    given_up = minimise(bent, far, 15, 1e-8, bound=whole.cost / 2)
+    assert not given_up.converged or given_up.jacobians <= whole.jacobians
+    assert given_up.cost > whole.cost / 2
+    assert minimise(bent, whole.phi, 15, 0.0, bound=whole.cost / 2).jacobians == 1

@@ -12,9 +12,11 @@ import numpy as np
 import pytest
 import torch
 
-from dashred.config import load_config
+from dashred.config import SensorSplit, Splits, TimeSplit, load_config
 from dashred.data.observation_operator import ObservationOperator
+from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
+from dashred.data.splits import split_recording
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.episodes import EpisodeStarts
 from dashred.inference.results.verdict import describe_fault, with_faults
@@ -23,7 +25,11 @@ from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.problem import Problem
-from dashred.pipeline.verification.held_out_faults import err_next_to, held_out_faults
+from dashred.pipeline.verification.held_out_faults import (
+    _relative_noise_of,
+    err_next_to,
+    held_out_faults,
+)
 from tests import laws
 
 TEXT = """
@@ -130,3 +136,15 @@ def test_a_sensor_that_errs_next_to_a_fitted_one_is_told_apart_from_a_distant_on
     assert not err_next_to(problem, [fault(NAMES[(place + 5) % 10])], other)
     assert not err_next_to(problem, [fault(NAMES[place - 1], "stuck")], other)
     assert not err_next_to(problem, [], other) and not err_next_to(problem, other, [])
+
+
+@pytest.mark.parametrize("validate", [0, 1])
+def test_the_noise_of_all_sensors_covers_the_fit_window(validate: int) -> None:
+    """Without validation sensors, the validation data are the last samples of the fitted ones."""
+    sensors = tuple(Sensor(f"s{i}", "u", (float(i),)) for i in range(6))
+    recording = Recording(sensors, np.arange(20.0), np.ones((20, 6)))
+    split = split_recording(recording, Splits(SensorSplit(validate, 1), TimeSplit(0.2)), 0)
+    sizes = SimpleNamespace(split=split, relative_noise=lambda part: 2 * part.values)
+    found = _relative_noise_of(cast(Problem, sizes))
+    assert found is not None and found.shape == (len(split.fit.times), 6)
+    assert (found == 2).all()
