@@ -143,7 +143,7 @@ def test_the_noise_of_all_sensors_covers_the_fit_window(validate: int) -> None:
     """Without validation sensors, the validation data are the last samples of the fitted ones."""
     sensors = tuple(Sensor(f"s{i}", "u", (float(i),)) for i in range(6))
     recording = Recording(sensors, np.arange(20.0), np.ones((20, 6)))
-    split = split_recording(recording, Splits(SensorSplit(validate, 1), TimeSplit(0.2)), 0)
+    split = split_recording(recording, Splits(SensorSplit(validate, 1, None), TimeSplit(0.2)), 0)
     sizes = SimpleNamespace(split=split, relative_noise=lambda part: 2 * part.values)
     found = _relative_noise_of(cast(Problem, sizes))
     assert found is not None and found.shape == (len(split.fit.times), 6)
