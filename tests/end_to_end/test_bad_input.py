@@ -97,7 +97,7 @@ def test_the_recording_that_the_others_spoil_is_good(quick, train, own) -> None:
         (cell(9, 0, "0.3"), ("mine.csv:10, column 'time'", "time decreases", "must increase")),
         (cell(9, 0, "0.7"), ("mine.csv:10, column 'time'", "time is repeated")),
         (cell(9, 0, ""), ("mine.csv:10, column 'time'", "time is missing")),
-        (without_values(5), ("mine.csv", "'p4' has no values", "remove it")),
+        (without_values(5), ("mine.csv", "'p4' has no values", "recording.ignore")),
         (csv_text(rows=7), ("mine.csv", "7 samples are too few", "at least 8")),
         ("", ("mine.csv", "the file is empty")),
         (None, ("mine.csv", "no such file")),

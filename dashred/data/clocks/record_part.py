@@ -53,6 +53,11 @@ def part_of(
 
 
 def _cut(episodes: Episodes, part: RecordPart, of_date: Callable[[str], float] | None) -> Episodes:
+    """Return a part of every episode that has readings in it.
+
+    Raises:
+        InputError: a bound is a date that cannot be used, or too few samples are left.
+    """
     largest = max(float(np.abs(e.recording.times).max()) for e in episodes.episodes)
     # A time such as 0.3 may be 0.1 + 0.2 in the recording.
     first = _time(part.begin, BEGIN, of_date, -math.inf) - ROUNDING * largest
@@ -81,9 +86,9 @@ def _check_read(episodes: Episodes, part: RecordPart, path: str) -> None:
     ]
     if not names:
         return
-    listed, verb = ", ".join(map(repr, names)), "have" if len(names) > 1 else "has"
-    problem = f"sensor{'s' if len(names) > 1 else ''} {listed} {verb} no values"
-    hint = "leave them out: recording.ignore=[NAME]"
+    listed, few = ", ".join(map(repr, names)), len(names) == 1
+    problem = f"sensor {listed} has no values" if few else f"sensors {listed} have no values"
+    hint = f"leave {'it' if few else 'them'} out: recording.ignore=[NAME]"
     if not part.is_whole:
         problem += f" in the part {part}"
         hint = f"change {BEGIN} or {END}, or {hint}"

@@ -21,8 +21,9 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquat
 LADDER = ((0.0, 0.1, 3.0), (30.0, 300.0, 3000.0))
 # Growth factor of the horizon; steps and tolerance at each horizon.
 GROWTH, GROWING_STEPS, GROWING_TOLERANCE = 1.4, 3, 1e-2
-# A tolerance from which on F alone matters, and not how well the unknowns are determined.
-LOOSE = 0.02
+# A tolerance from which on F alone matters, and not how well the unknowns are determined; and the
+# relative deviation from the prediction of the linearised problem up to which F is at its minimum.
+LOOSE, PREDICTED = 0.02, 1e-3
 # Largest number of rounds.
 ROUNDS = 4
 # Largest number of further steps with one Jacobian.
@@ -92,7 +93,7 @@ def minimise(
         if not converged:
             lower = _chord_steps(objective, normal, lower, tolerance)
             if tolerance >= LOOSE:
-                converged = abs(lower.cost - normal.minimum()) < tolerance * lower.cost
+                converged = abs(lower.cost - normal.minimum()) < PREDICTED * lower.cost
         gain = fitted.cost - lower.cost
         fitted = replace(lower, converged=converged, jacobians=fitted.jacobians + 1)
         if fitted.cost - gain * (steps - fitted.jacobians) > bound:
