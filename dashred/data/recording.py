@@ -60,6 +60,11 @@ class Recording:
         sensors = tuple(self.sensors[column] for column in chosen)
         return replace(self, sensors=sensors, values=self.values[:, chosen])
 
+    def is_read(self) -> NDArray[np.bool_]:
+        """Return whether each sensor has a value at any time, ``(sensor,)``."""
+        found: NDArray[np.bool_] = np.asarray(~np.isnan(self.values).all(axis=0))
+        return found
+
     def trace_std(self) -> NDArray[np.float64]:
         """Return the std of each trace, ``(sensor,)``; 0 if it is constant or has no values."""
         seen = ~np.isnan(self.values)

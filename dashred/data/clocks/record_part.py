@@ -78,7 +78,7 @@ def _check_read(episodes: Episodes, part: RecordPart, path: str) -> None:
     Raises:
         EmptySensorsError: one has none.
     """
-    known = [~np.isnan(episode.recording.values).all(axis=0) for episode in episodes.episodes]
+    known = [episode.recording.is_read() for episode in episodes.episodes]
     names = [
         sensor.name
         for sensor, is_read in zip(episodes.sensors, np.any(known, axis=0), strict=True)

@@ -131,7 +131,7 @@ def build_problem(config: Config, recorded: Episodes | None = None) -> Problem:
 
 def _size(fit: Recording) -> tuple[int, int]:
     """Return the number of samples of an episode, and that of the sensors it has values of."""
-    return len(fit.times), int((~np.isnan(fit.values).all(axis=0)).sum())
+    return len(fit.times), int(fit.is_read().sum())
 
 
 def _listed(names: Sequence[str]) -> str:

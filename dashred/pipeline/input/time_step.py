@@ -195,9 +195,8 @@ def _within_range(readings: Tensor, recording: Recording) -> list[int]:
 
     A simulator that lacks what bounds it leaves the range of the recording; the start is kept.
     """
-    values = recording.values
-    is_read = ~np.isnan(values).all(axis=0)
-    values, readings = values[:, is_read], readings[:, torch.from_numpy(is_read)]
+    is_read = recording.is_read()
+    values, readings = recording.values[:, is_read], readings[:, torch.from_numpy(is_read)]
     low, high = np.nanmin(values, axis=0), np.nanmax(values, axis=0)
     width = np.maximum(high - low, 1e-12)
     read = readings.numpy()[: len(values) - SAMPLES]
