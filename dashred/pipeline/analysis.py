@@ -27,6 +27,9 @@ class Analysis:
         corrected_network: SHRED, trained on the corrected simulation.
         corrected_shred: field that it reconstructs from the recording, ``(time, field, *grid)``.
         corrected_shred_of_others: the same for the other fitted episodes.
+        observed: estimate of the observer and its standard deviation, ``(time, field, *grid)``
+            both; None without an observer.
+        observed_of_others: the same for the other fitted episodes.
     """
 
     nominal: NominalRun
@@ -37,6 +40,8 @@ class Analysis:
     corrected_network: TrainedNetwork
     corrected_shred: Tensor
     corrected_shred_of_others: tuple[Tensor, ...] = ()
+    observed: tuple[Tensor, Tensor] | None = None
+    observed_of_others: tuple[tuple[Tensor, Tensor], ...] = ()
 
     def episodes(self, problem: Problem) -> list[tuple[Problem, Analysis]]:
         """Return each fitted episode with its results; the longest episode is first."""
@@ -46,6 +51,7 @@ class Analysis:
             self.assimilated.others,
             self.trajectories.others,
             self.corrected_shred_of_others,
+            self.observed_of_others or (None,) * len(problem.others),
             strict=True,
         )
         return [
@@ -59,9 +65,10 @@ class Analysis:
                         assimilated=replace(self.assimilated, shred=shred, dashred=dashred),
                         trajectories=runs,
                         corrected_shred=corrected,
+                        observed=observed,
                     ),
                 )
-                for episode, states, (shred, dashred), runs, corrected in others
+                for episode, states, (shred, dashred), runs, corrected, observed in others
             ),
         ]
 
@@ -74,4 +81,6 @@ class Analysis:
             "dashred": self.assimilated.dashred,
             "corrected_shred": self.corrected_shred,
         }
+        if self.observed is not None:
+            fields["observer"] = self.observed[0]
         return {name: states[:samples] for name, states in fields.items()}

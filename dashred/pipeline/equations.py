@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from torch import Tensor
+
 from dashred.config import Config, config_sha256
 from dashred.core.tracking import RunTracker
 from dashred.inference.forward.first_compilation import compile_integrators
@@ -23,6 +25,7 @@ from dashred.pipeline.discovery.segments.segment_stage import (
 )
 from dashred.pipeline.input.build_problem import build_problem
 from dashred.pipeline.networks import assimilation, training
+from dashred.pipeline.observer import observe_episodes
 from dashred.pipeline.outputs import report
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.run import provenance
@@ -76,7 +79,7 @@ def _discover(
     checkpoints: Stages,
     seconds: dict[str, float],
 ) -> Analysis:
-    """Train SHRED, assimilate, discover the law, and train SHRED on the corrected simulator.
+    """Train SHRED, assimilate, discover the law, retrain SHRED, and observe the recording.
 
     Args:
         simulated: problem and runs of the simulator.
@@ -108,6 +111,15 @@ def _discover(
             (network, [assimilated.shred, *(shred for shred, _ in assimilated.others)]),
         ),
     )
+    nothing: list[tuple[Tensor, Tensor]] = []
+    observed = checkpoints.stage(
+        "observer",
+        lambda: problem.budget.attempt(
+            "observer",
+            lambda: observe_episodes(problem, nominal, discovered.best, runs, seconds),
+            nothing,
+        ),
+    )
     return Analysis(
         nominal,
         network,
@@ -117,6 +129,8 @@ def _discover(
         corrected_network,
         corrected_shred,
         tuple(others),
+        observed[0] if observed else None,
+        tuple(observed[1:]),
     )
 
 

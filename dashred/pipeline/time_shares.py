@@ -28,6 +28,8 @@ ENDS = {
     "compare hypotheses": 0.86,
     "corrected ensemble": 0.89,
     "train corrected SHRED": 0.93,
+    "simulate for the observer": 0.94,
+    "observe": 0.95,
     "draw figures": 0.97,
 }
 

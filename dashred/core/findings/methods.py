@@ -31,6 +31,7 @@ LABELS = {
     SHRED_UNCHANGED: "SHRED = DA-SHRED",
     "corrected": "dashred: corrected simulator",
     "corrected_shred": "dashred: corrected SHRED",
+    "observer": "dashred: observer",
 }
 """The label of each method, by its name in the files."""
 

@@ -27,6 +27,7 @@ METHODS = (
     "dashred",
     "corrected",
     "corrected_shred",
+    "observer",
 )
 FORECASTS = ("simulation_same_start", "simulation_refit", "corrected")
 

@@ -47,7 +47,11 @@ class March:
         times = torch.tensor([first, first + span], dtype=torch.float64)
         weights = torch.zeros((len(states), 0), dtype=torch.float64)
         path = self._compiled(self.on_grid(states), times, weights)[:, -1]
-        return self._system.grid.own(path).reshape(len(states), -1).numpy()
+        return self.off_grid(path)
+
+    def off_grid(self, states: torch.Tensor) -> Array:
+        """Return states ``(state, field, *grid)`` without images, ``(state, field*point)``."""
+        return self._system.grid.own(states).reshape(len(states), -1).numpy()
 
     def on_grid(self, states: Array) -> torch.Tensor:
         """Return states with the mirror images of the grid, ``(state, field, *grid)``."""

@@ -22,6 +22,7 @@ RESULTS = (
     "findings.json",
     "estimates.nc",
     "forecast.nc",
+    "observer_spread.nc",
     "corrected.yaml",
     "corrected.fmu",
     "estimator.nc",

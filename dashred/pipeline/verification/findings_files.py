@@ -21,6 +21,8 @@ from dashred.pipeline.problem import Problem
 from dashred.pipeline.verification.sensor_noise import noise_of_sensors
 from dashred.reporting.text.improvement import is_confirmed
 
+# Standard deviation of the observer's estimate.
+SPREAD = "observer_spread.nc"
 # The remark in the corrected configuration of an explanation that is not confirmed.
 UNCONFIRMED = "This explanation is suggested, but not confirmed."
 
@@ -30,6 +32,9 @@ def write_findings(problem: Problem, analysis: Analysis, findings: Findings, out
     write_netcdf_atomic(output / "estimates.nc", estimates_dataset(problem, analysis))
     write_netcdf_atomic(output / "forecast.nc", forecast_dataset(problem, analysis))
     others = ["estimates.nc", "forecast.nc"]
+    if analysis.observed is not None:
+        write_netcdf_atomic(output / SPREAD, observer_spread(problem, analysis))
+        others.append(SPREAD)
     if findings["corrected"] is not None:
         law = analysis.discovery.best
         sha256 = problem.recording_sha256
@@ -63,6 +68,16 @@ def estimates_dataset(problem: Problem, analysis: Analysis) -> xr.Dataset:
     for episode, part in analysis.episodes(problem):
         count = len(episode.split.fit.times)
         fields.append((episode, episode.times[:count], part.estimates(count)))
+    return episodes_dataset(fields)
+
+
+def observer_spread(problem: Problem, analysis: Analysis) -> xr.Dataset:
+    """Return the standard deviation of the observer's estimate, of every observed episode."""
+    fields = []
+    for episode, part in analysis.episodes(problem):
+        if part.observed is not None:
+            times = episode.times[: len(episode.split.fit.times)]
+            fields.append((episode, times, {"observer": part.observed[1]}))
     return episodes_dataset(fields)
 
 

@@ -41,6 +41,7 @@ COLOURS = {
     "dashred": VERMILION,
     "corrected": GREEN,
     "corrected_shred": GREEN,
+    "observer": PURPLE,
 }
 # Lines that often coincide have different widths: SHRED and DA-SHRED, and the closed form and the
 # corrected simulator.
@@ -56,6 +57,7 @@ DASHES = {
     "filter_augmented": "--",
     "shred_plain": ":",
     "corrected_shred": "--",
+    "observer": "-.",
 }
 
 # Width of the longest legend entry, in inches.

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 # In the order in which a reader should meet them.
-METHODS = (*AT_SENSORS, "corrected_shred")
+METHODS = (*AT_SENSORS, "corrected_shred", "observer")
 ALGORITHMS = {
     "alg1": "Algorithm 1",
     "alg2": "Algorithm 2",

@@ -1,0 +1,1 @@
+"""A state observer whose gains come from its own errors on simulations."""

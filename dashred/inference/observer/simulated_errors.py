@@ -1,0 +1,143 @@
+"""Errors of an observer on simulations, where the true state is known.
+
+The observer also runs on every simulation of a population. The covariances of its errors over the
+population, at each sample, give the gain with which it reads the recording. For a linear system and
+a large population this is the Kalman filter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+from dashred.data.observation_operator import ObservationOperator
+from dashred.inference.streaming.march import March
+from dashred.physics.runs.stored_states import States
+
+Array = NDArray[np.float64]
+
+# An error this many times as large as the median of all is that of an observer that is lost.
+LOST = 10.0
+
+
+@dataclass(frozen=True)
+class ObservedRecord:
+    """A recording that is observed, and simulations of the system that it comes from.
+
+    Attributes:
+        march: the simulator from sample to sample.
+        states: of the simulations, ``(member, time, field, *grid)``.
+        times: ``(time,)``, of the simulations; the recording may end earlier.
+        values: readings, ``(sample, sensor)``; NaN where missing.
+        noise: σ of each sensor, ``(sensor,)``.
+        operator: observation operator of the sensors.
+    """
+
+    march: March
+    states: States
+    times: Array
+    values: Array
+    noise: Array
+    operator: ObservationOperator
+
+    def simulated(self, sample: int) -> Array:
+        """Return the states of all simulations at a sample, ``(member, field*point)``."""
+        return self.march.off_grid(self.states[:, sample])
+
+    def span(self, sample: int) -> float:
+        """Return the time from the sample before, equal for all samples of a clock."""
+        return float(f"{self.times[sample] - self.times[sample - 1]:.12g}")
+
+    def readings(self, states: Array, sample: int) -> Array:
+        """Return what the sensors read of states, ``(state, sensor)``, without noise."""
+        on_grid: Tensor = self.march.on_grid(states)
+        return self.operator(on_grid, float(self.times[sample])).numpy()
+
+    def known(self, sample: int) -> NDArray[np.bool_]:
+        """Return which sensors have a reading at a sample, ``(sensor,)``."""
+        if sample >= len(self.values):
+            return np.ones(len(self.noise), dtype=np.bool_)
+        return ~np.isnan(self.values[sample])
+
+
+class SimulatedErrors:
+    """The observer on the simulations of one record, and on its recording.
+
+    Attributes:
+        errors: true state minus estimate, ``(member, field*point)``.
+        of_sensors: the same for what the sensors read, ``(member, sensor)``.
+        estimate: of the state in the recording, ``(field*point,)``.
+    """
+
+    def __init__(
+        self, record: ObservedRecord, model_error: float, rng: np.random.Generator
+    ) -> None:
+        """Begin at the mean of the simulations, before the first reading.
+
+        Args:
+            record: the recording and its simulations.
+            model_error: std of the error of the simulator in each interval between samples, as a
+                share of the differences of two simulations.
+            rng: random number generator.
+        """
+        self.record, self._model_error, self._rng = record, model_error, rng
+        self._simulated = record.simulated(0)
+        self.estimate = self._simulated.mean(axis=0)
+        self.errors = self._simulated - self.estimate
+        self.of_sensors = np.empty(0)
+        self._read(0)
+
+    def forecast(self, sample: int) -> None:
+        """Run the estimates to a sample from the one before."""
+        record, members = self.record, len(self.errors)
+        states = np.concatenate([self._simulated - self.errors, self.estimate[None]])
+        states = record.march(states, float(record.times[sample - 1]), record.span(sample))
+        self._simulated = record.simulated(sample)
+        self.errors = self._simulated - states[:members]
+        self._replace_lost()
+        if self._model_error:
+            self.errors += self._model_error / np.sqrt(2) * self._differences()
+        # The estimate may blow up, and then begins again.
+        own = states[members]
+        self.estimate = own if np.isfinite(own).all() else self._simulated.mean(axis=0)
+        self._read(sample)
+
+    def analyse(self, gain: Array, sample: int) -> Array:
+        """Read the sensors with a gain, ``(known sensor, field*point)``.
+
+        Returns:
+            the innovations of the recording, ``(known sensor,)``.
+        """
+        record, known = self.record, self.record.known(sample)
+        size = (len(self.errors), len(record.noise))
+        noise = record.noise * self._rng.standard_normal(size)
+        self.errors -= (self.of_sensors + noise)[:, known] @ gain
+        expected = record.readings(self.estimate[None], sample)[0]
+        if sample >= len(record.values):
+            return np.empty(0)
+        innovations: Array = (record.values[sample] - expected)[known]
+        self.estimate = self.estimate + innovations @ gain
+        return innovations
+
+    def _read(self, sample: int) -> None:
+        read = self.record.readings
+        estimates = self._simulated - self.errors
+        self.of_sensors = read(self._simulated, sample) - read(estimates, sample)
+
+    def _differences(self) -> Array:
+        """Return differences of random pairs of simulations, ``(member, field*point)``."""
+        pairs = self._rng.integers(len(self._simulated), size=(2, len(self._simulated)))
+        found: Array = self._simulated[pairs[0]] - self._simulated[pairs[1]]
+        return found
+
+    def _replace_lost(self) -> None:
+        """Give members that are lost the errors of others: they would dominate the covariances."""
+        sizes = np.sqrt(np.square(self.errors).mean(axis=1))
+        sizes = np.where(np.isfinite(sizes), sizes, np.inf)
+        lost = (sizes > LOST * np.median(sizes)) | np.isinf(sizes)
+        if lost.any() and not lost.all():
+            others = self._rng.choice(np.flatnonzero(~lost), int(lost.sum()))
+            self.errors[lost] = self.errors[others]

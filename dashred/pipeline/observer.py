@@ -1,0 +1,100 @@
+"""The observer: the state of the recording in real time, with the corrected simulator.
+
+See docs/method.md#observer.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from torch import Tensor
+
+from dashred.core.progress import stage
+from dashred.inference.fit.law import Law
+from dashred.inference.observer.observe import observe
+from dashred.inference.observer.simulated_errors import ObservedRecord
+from dashred.inference.streaming.march import March
+from dashred.physics.runs.initial_state_prior import StartPrior
+from dashred.physics.system import System
+from dashred.pipeline.corrected_ensemble import EpisodeEnsemble, simulate_corrected
+from dashred.pipeline.problem import Problem
+from dashred.pipeline.simulation.nominal_run import NominalRun
+from dashred.pipeline.trajectories import Trajectories
+
+STAGE = "observe"
+# Least number of simulations for each sensor, and the largest number because of this. With fewer,
+# the gain would fit chance.
+PER_SENSOR, MOST = 8, 512
+
+
+def observe_episodes(
+    problem: Problem,
+    nominal: NominalRun,
+    law: Law,
+    free: Trajectories,
+    seconds: dict[str, float],
+) -> list[tuple[Tensor, Tensor]]:
+    """Observe the fit sensors of every episode.
+
+    The simulations start as the simulator may start before any reading. The fitted start is not
+    used, because it comes from later readings.
+
+    Args:
+        problem: simulator and recording.
+        nominal: simulation with the prior of the start.
+        law: correction of the simulator. Its faulty sensors are not read.
+        free: free runs; the corrected one limits the range of the simulations.
+        seconds: run time by stage, updated.
+
+    Returns:
+        The estimate of each episode and its standard deviation, ``(time, field, *grid)`` both.
+        Empty for a program, whose steps would take too long, if there is an episode without
+        simulations, and if these do not stay within bounds.
+
+    Raises:
+        OutOfTimeError: there was no time for it.
+    """
+    if problem.system.program is not None:
+        return []
+    prior = nominal.prior
+
+    def before_readings(system: System, index: int) -> StartPrior:
+        return StartPrior(system, prior.centre, prior.rms, prior.kept)
+
+    sensors = len(problem.split.fit.names)
+    members = max(problem.config.surrogate.members, min(MOST, PER_SENSOR * sensors))
+    drawn = simulate_corrected(
+        problem, law, free, before_readings, 1.0, members, "simulate for the observer", seconds
+    )
+    if drawn is None or len(drawn) < len(problem.episodes):
+        return []
+    with stage(STAGE, seconds) as report:
+        records = [_record(each, law) for each in drawn]
+        seed = [problem.config.seed, *STAGE.encode()]
+        found = observe(records, seed, problem.deadline(STAGE))
+        model_error = found[0].model_error
+        told = f"{members} simulations"
+        if model_error:
+            told += f", error of the simulator in a sample {model_error:g}"
+        report(1.0, told)
+    return [
+        (record.march.on_grid(each.states), record.march.on_grid(each.spread))
+        for record, each in zip(records, found, strict=True)
+    ]
+
+
+def _record(drawn: EpisodeEnsemble, law: Law) -> ObservedRecord:
+    fit, system = drawn.episode.split.fit, drawn.system
+    values = fit.values.copy()
+    faulty = {fault.sensor for fault in law.faults}
+    values[:, [name in faulty for name in fit.names]] = math.nan
+    fixed = system.with_fixed_steps() if np.isnan(system.dt) else system
+    return ObservedRecord(
+        march=March(fixed),
+        states=drawn.ensemble.states,
+        times=drawn.ensemble.times.numpy(),
+        values=values,
+        noise=drawn.episode.noise_of(fit.names).numpy(),
+        operator=drawn.episode.operator(fit),
+    )
