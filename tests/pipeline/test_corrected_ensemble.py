@@ -9,7 +9,7 @@ import torch
 
 from dashred.core.errors import InputError
 from dashred.physics.runs.ensemble import MemberSource
-from dashred.pipeline import surrogate
+from dashred.pipeline import corrected_ensemble
 
 ANY: Any = None
 SOURCE = MemberSource(ANY, torch.zeros(1), ANY, torch.zeros(1), None, ANY)
@@ -25,7 +25,7 @@ def test_members_that_leave_the_range_are_drawn_nearer(failures: int, spreads: l
             raise InputError("hardly any simulation stays within bounds")
         return members
 
-    found: Any = surrogate._members(draw, SOURCE, 0.2, 8)
+    found: Any = corrected_ensemble._members(draw, SOURCE, 0.2, 8)
     assert found == 8
     assert asked == pytest.approx(spreads)
 
@@ -35,4 +35,4 @@ def test_where_none_stays_in_it_the_reason_is_told() -> None:
         raise InputError("hardly any simulation stays within bounds")
 
     with pytest.raises(InputError, match="hardly any"):
-        surrogate._members(draw, SOURCE, 0.2, 8)
+        corrected_ensemble._members(draw, SOURCE, 0.2, 8)
