@@ -1,8 +1,9 @@
-"""Evaluate dashred: ``dashred evaluate foreign run tag=NAME``, ``dashred evaluate programs run``.
+"""Evaluate dashred: ``dashred evaluate foreign run tag=NAME``, and other tables.
 
 `foreign` has truths of other solvers. The cases follow from the hash of a tagged commit. Each is
 analysed by a process without access to its truth, frozen and scored, and stored as one row. The
-page is written from all rows. `programs` analyses the bundled systems behind a function.
+page is written from all rows. `programs` analyses the bundled systems behind a function, and
+`estimators` compares the estimators for real time with a filter on the true law.
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from dashred.core.errors import DONE, OUR_FAILURE
 
 def main(argv: list[str]) -> int:
     """Run a benchmark, or write its page."""
-    return _programs(argv) if argv[:1] == ["programs"] else _foreign(argv)
+    others = {"programs": _programs, "estimators": _estimators}
+    return others.get(argv[0] if argv else "", _foreign)(argv)
 
 
 def _programs(argv: list[str]) -> int:
@@ -28,6 +30,22 @@ def _programs(argv: list[str]) -> int:
     from dashred.evaluation.programs.run import run_programs
 
     run_programs(request)
+    return DONE
+
+
+def _estimators(argv: list[str]) -> int:
+    """Run the rows that are not done, or write the page."""
+    from dashred.evaluation.estimators.arguments import read_words
+
+    request = read_words(argv)
+    if request.action == "document":
+        from dashred.evaluation.estimators.document import write_document
+
+        write_document(request)
+        return DONE
+    from dashred.evaluation.estimators.run import run_estimators
+
+    run_estimators(request)
     return DONE
 
 

@@ -14,7 +14,7 @@ from dashred.core.progress import stage
 from dashred.inference.fit.law import Law
 from dashred.inference.initial_state.start_models import ScaledStart
 from dashred.inference.results.corrected_system import build_corrected_system
-from dashred.physics.runs.ensemble import Ensemble, MemberSource
+from dashred.physics.runs.ensemble import Ensemble, MemberSource, ModelErrors
 from dashred.physics.runs.initial_state_prior import StartPrior
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
@@ -56,6 +56,7 @@ def simulate_corrected(
     members: int,
     name: str,
     seconds: dict[str, float],
+    errors: ModelErrors | None = None,
 ) -> list[EpisodeEnsemble] | None:
     """Return simulations of every episode; None if they do not stay within bounds.
 
@@ -68,6 +69,7 @@ def simulate_corrected(
         members: number of simulations, of all episodes.
         name: of the stage.
         seconds: run time by stage, updated.
+        errors: of the corrected simulator, for each member.
 
     Raises:
         OutOfTimeError: there was no time for them.
@@ -84,7 +86,9 @@ def simulate_corrected(
             rng = problem.rng(f"{name}{suffix}")
             draw = drawing(problem, f"{name} {i}")
             try:
-                source = MemberSource(system, times, prior_of(system, i), path, None, rng, progress)
+                source = MemberSource(
+                    system, times, prior_of(system, i), path, errors, rng, progress
+                )
                 drawn.append(
                     EpisodeEnsemble(episode, system, _members(draw, source, spread, count))
                 )

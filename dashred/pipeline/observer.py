@@ -8,14 +8,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from dashred.core.progress import stage
 from dashred.inference.fit.law import Law
+from dashred.inference.forward.candidates import build_forcing
 from dashred.inference.observer.observe import observe
 from dashred.inference.observer.simulated_errors import ObservedRecord
 from dashred.inference.streaming.march import March
 from dashred.physics.runs.initial_state_prior import StartPrior
+from dashred.physics.runs.uncertain_terms import UncertainTerms
 from dashred.physics.system import System
 from dashred.pipeline.corrected_ensemble import EpisodeEnsemble, simulate_corrected
 from dashred.pipeline.problem import Problem
@@ -23,9 +26,11 @@ from dashred.pipeline.simulation.nominal_run import NominalRun
 from dashred.pipeline.trajectories import Trajectories
 
 STAGE = "observe"
+# Key in run.json of the time that one step of the observer takes, for one recording.
+STEP = "one step of the observer"
 # Least number of simulations for each sensor, and the largest number because of this. With fewer,
 # the gain would fit chance.
-PER_SENSOR, MOST = 8, 512
+PER_SENSOR, MOST = 16, 512
 
 
 def observe_episodes(
@@ -65,7 +70,15 @@ def observe_episodes(
     sensors = len(problem.split.fit.names)
     members = max(problem.config.surrogate.members, min(MOST, PER_SENSOR * sensors))
     drawn = simulate_corrected(
-        problem, law, free, before_readings, 1.0, members, "simulate for the observer", seconds
+        problem,
+        law,
+        free,
+        before_readings,
+        1.0,
+        members,
+        "simulate for the observer",
+        seconds,
+        _uncertainty(law),
     )
     if drawn is None or len(drawn) < len(problem.episodes):
         return []
@@ -73,6 +86,7 @@ def observe_episodes(
         records = [_record(each, law) for each in drawn]
         seed = [problem.config.seed, *STAGE.encode()]
         found = observe(records, seed, problem.deadline(STAGE))
+        seconds[STEP] = records[0].seconds_per_step()
         model_error = found[0].model_error
         told = f"{members} simulations"
         if model_error:
@@ -82,6 +96,15 @@ def observe_episodes(
         (record.march.on_grid(each.states), record.march.on_grid(each.spread))
         for record, each in zip(records, found, strict=True)
     ]
+
+
+def _uncertainty(law: Law) -> UncertainTerms:
+    """Return the uncertainty of the law and of uncertain parameters: the simulator errs by it."""
+    candidates, _ = law.changes
+    forcing = build_forcing(candidates, torch.eye(len(candidates), dtype=torch.float64))
+    stds = torch.tensor([each.std for each in law.parameters], dtype=torch.float64)
+    covariance = torch.block_diag(torch.diag(stds.square()), law.covariance)
+    return UncertainTerms(forcing.terms, forcing.coefficients.argmax(dim=0).tolist(), covariance)
 
 
 def _record(drawn: EpisodeEnsemble, law: Law) -> ObservedRecord:

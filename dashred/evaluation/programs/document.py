@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from statistics import median
 
-from dashred.core.errors import InputError
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.progress import CONSOLE
 from dashred.core.templates import render
+from dashred.evaluation.case_rows import read_rows
 from dashred.evaluation.json_lines import write_rows_beside
 from dashred.evaluation.programs.arguments import Request
-from dashred.evaluation.programs.rows import Answer, Row, read_rows
+from dashred.evaluation.programs.rows import Answer, Row
 from dashred.evaluation.proof.scoring.statistics import Rate
 
 TEMPLATE = "evaluation/programs/templates/programs.md.j2"
@@ -25,10 +25,7 @@ def write_document(request: Request) -> None:
     Raises:
         InputError: there are no rows.
     """
-    rows = read_rows(request.output)
-    if not rows:
-        hint = "dashred evaluate programs run writes them"
-        raise InputError("there are no rows", where=str(request.output), hint=hint)
+    rows: list[Row] = read_rows(request.output)
     write_rows_beside(request.document, rows)
     write_text_atomic(request.document, document(rows))
     CONSOLE.print(f"Document: {request.document}", markup=False, soft_wrap=True)

@@ -2,30 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import dataclass
-from itertools import product
-from pathlib import Path
 from typing import TypedDict
-
-from dashred.core.findings.findings import write_json_atomic
-from dashred.evaluation.programs.arguments import Request
-
-ROWS = "rows"
-
-
-@dataclass(frozen=True)
-class Case:
-    """A twin of a bundled system, and its seed."""
-
-    system: str
-    twin: str
-    seed: int
-
-    @property
-    def name(self) -> str:
-        """Name of its files."""
-        return f"{self.system}-{self.twin}-{self.seed}"
 
 
 class Answer(TypedDict):
@@ -72,29 +49,3 @@ class Row(TypedDict):
     calls: int
     states: int
     seconds_inside: float
-
-
-def cases_of(request: Request) -> list[Case]:
-    """Return the cases of a request."""
-    return [Case(*each) for each in product(request.systems, request.twins, request.seeds)]
-
-
-def write_row(output: Path, case: Case, row: Row) -> None:
-    """Write a row completely or not at all."""
-    write_json_atomic(_path(output, case), row)
-
-
-def is_done(output: Path, case: Case) -> bool:
-    """Return whether a case has a row."""
-    return _path(output, case).is_file()
-
-
-def read_rows(output: Path) -> list[Row]:
-    """Return all rows of a folder, by name and seed."""
-    paths = (output / ROWS).glob("*.json")
-    rows: list[Row] = [json.loads(path.read_text(encoding="utf-8")) for path in paths]
-    return sorted(rows, key=lambda row: (row["system"], row["twin"], row["seed"]))
-
-
-def _path(output: Path, case: Case) -> Path:
-    return output / ROWS / f"{case.name}.json"

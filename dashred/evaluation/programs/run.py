@@ -6,14 +6,15 @@ import shutil
 import tempfile
 import time
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from dashred.config import load_config
 from dashred.core.errors import DONE
-from dashred.core.job_control import last_line, lock_folder, signals_as_interrupt
-from dashred.core.progress import CONSOLE
+from dashred.core.job_control import last_line
+from dashred.evaluation.case_rows import Case, run_cases
 from dashred.evaluation.isolation.worker import (
     WorkerLostError,
     isolated_copy,
@@ -23,7 +24,7 @@ from dashred.evaluation.isolation.worker import (
 from dashred.evaluation.programs import bundled_steps
 from dashred.evaluation.programs.arguments import BENCHMARK, Request
 from dashred.evaluation.programs.hidden_equations import STEPS, hide_equations
-from dashred.evaluation.programs.rows import Answer, Case, Row, cases_of, is_done, write_row
+from dashred.evaluation.programs.rows import Answer, Row
 from dashred.evaluation.programs.score_answer import score_answer
 from dashred.evaluation.twins.record_command import record
 from dashred.evaluation.twins.sealing import Truth, open_seal
@@ -31,7 +32,7 @@ from dashred.pipeline.run.output_dir import make_output
 
 NOISE = 0.01
 RECORDING, SEALED, LOG = "recording.nc", "sealed.nc", "log.txt"
-FOLDERS = ("rows", "analyses", "truths")
+FOLDERS = ("analyses", "truths")
 
 
 def run_programs(request: Request) -> None:
@@ -39,17 +40,10 @@ def run_programs(request: Request) -> None:
     output = make_output(str(request.output))
     for name in FOLDERS:
         (output / name).mkdir(exist_ok=True)
-    with lock_folder(output, BENCHMARK), signals_as_interrupt():
-        cases = cases_of(request)
-        waiting = [case for case in cases if not is_done(output, case)]
-        _print(f"{len(cases)} rows, {len(cases) - len(waiting)} of them done, in {output}")
-        with tempfile.TemporaryDirectory(prefix="dashred-worker-") as folder:
-            copy = isolated_copy(Path(folder))
-            shutil.copy(bundled_steps.__file__, copy / f"{STEPS}.py")
-            for case in waiting:
-                row = _run_case(request, copy, case)
-                write_row(output, case, row)
-                _print(f"{case.name}: {_told(row)}")
+    with tempfile.TemporaryDirectory(prefix="dashred-worker-") as folder:
+        copy = isolated_copy(Path(folder))
+        shutil.copy(bundled_steps.__file__, copy / f"{STEPS}.py")
+        run_cases(request, output, BENCHMARK, partial(_run_case, request, copy), _told)
 
 
 def _run_case(request: Request, copy: Path, case: Case) -> Row:
@@ -126,7 +120,3 @@ def _told(row: Row) -> str:
         f"{program['problem'] or program['verdict']}, {exact}, {row['calls']} calls, "
         f"{program['seconds']:.0f} s; with equations {equations['seconds']:.0f} s"
     )
-
-
-def _print(text: str) -> None:
-    CONSOLE.print(text, markup=False, soft_wrap=True)

@@ -7,7 +7,9 @@ a large population this is the Kalman filter.
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
+from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +23,8 @@ Array = NDArray[np.float64]
 
 # An error this many times as large as the median of all is that of an observer that is lost.
 LOST = 10.0
+# Number of timed steps.
+TIMED_STEPS = 20
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,18 @@ class ObservedRecord:
         """Return what the sensors read of states, ``(state, sensor)``, without noise."""
         on_grid: Tensor = self.march.on_grid(states)
         return self.operator(on_grid, float(self.times[sample])).numpy()
+
+    def seconds_per_step(self) -> float:
+        """Return the median time of a step of one state: the simulator, the readings, the gain."""
+        state = self.simulated(0)[:1]
+        gain = np.zeros((len(self.noise), state.shape[1]))
+        taken = []
+        for _ in range(TIMED_STEPS):
+            began = time.perf_counter()
+            later = self.march(state, float(self.times[0]), self.span(1))
+            later + (self.values[0] - self.readings(later, 1)[0]) @ gain
+            taken.append(time.perf_counter() - began)
+        return median(taken)
 
     def known(self, sample: int) -> NDArray[np.bool_]:
         """Return which sensors have a reading at a sample, ``(sensor,)``."""

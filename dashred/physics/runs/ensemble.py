@@ -50,6 +50,32 @@ class Ensemble:
     coefficients: Tensor
 
 
+class ModelErrors(Protocol):
+    """Distribution of terms that are added to the simulator of each member."""
+
+    @property
+    def identity(self) -> list[object]:
+        """What determines the distribution, as plain values."""
+
+    def draw(
+        self,
+        system: System,
+        nominal: Tensor,
+        times: Tensor,
+        members: int,
+        rng: np.random.Generator,
+    ) -> Forcing:
+        """Return the terms of members, each with its own coefficients.
+
+        Args:
+            system: the simulator.
+            nominal: a simulation, ``(time, field, *grid)``, for scales.
+            times: its times, at least.
+            members: number of members.
+            rng: random number generator.
+        """
+
+
 @dataclass(frozen=True)
 class Discrepancies:
     """Distribution of random model errors: a number of library terms for each member.
@@ -70,6 +96,29 @@ class Discrepancies:
     library: Sequence[Term]
     terms: int
     amplitude: float
+
+    @property
+    def identity(self) -> list[object]:
+        """See :class:`ModelErrors`."""
+        return [*map(str, self.library), self.terms, self.amplitude]
+
+    def draw(
+        self,
+        system: System,
+        nominal: Tensor,
+        times: Tensor,
+        members: int,
+        rng: np.random.Generator,
+    ) -> Forcing:
+        """See :class:`ModelErrors`."""
+        size = min(self.terms, len(self.library))
+        known = min(len(nominal), len(times))
+        scales = term_scales(system, self.library, nominal[:known], times[:known])
+        coefficients = np.zeros((members, len(self.library)))
+        for row in coefficients:
+            chosen = rng.choice(len(self.library), size=size, replace=False)
+            row[chosen] = self.amplitude * rng.standard_normal(len(chosen))
+        return Forcing(resolve(system, self.library), torch.from_numpy(coefficients) * scales)
 
 
 def term_scales(
@@ -98,7 +147,7 @@ class MemberSource:
         times: output times, on the recording's clock.
         prior: distribution of the initial states.
         nominal: the nominal simulation, ``(time, field, *grid)``, for scales and ranges.
-        discrepancies: random model errors; None for a plain ensemble.
+        errors: random model errors; None for a plain ensemble.
         rng: random number generator.
         progress: called with the fraction done of each round of simulations.
     """
@@ -107,15 +156,15 @@ class MemberSource:
     times: Tensor
     prior: StartDistribution
     nominal: Tensor
-    discrepancies: Discrepancies | None
+    errors: ModelErrors | None
     rng: np.random.Generator
     progress: Progress | None = None
 
     def forcing(self, members: int) -> Forcing:
-        """Return random model errors of members; none without discrepancies."""
-        return draw_forcing(
-            self.system, self.nominal, self.discrepancies, members, self.rng, self.times
-        )
+        """Return random model errors of members; none for a plain ensemble."""
+        if self.errors is None:
+            return Forcing((), torch.zeros((members, 0), dtype=torch.float64))
+        return self.errors.draw(self.system, self.nominal, self.times, members, self.rng)
 
 
 def draw_ensemble(source: MemberSource, members: int) -> Ensemble:
@@ -206,25 +255,3 @@ def bounds(nominal: Tensor, starts: Tensor) -> tuple[Tensor, Tensor]:
     width = torch.where(varies, high - low, torch.inf)
     shape = (len(starts), 1, nominal.shape[1]) + (1,) * (nominal.dim() - 2)
     return (low - width).reshape(shape), (high + width).reshape(shape)
-
-
-def draw_forcing(
-    system: System,
-    nominal: Tensor,
-    discrepancies: Discrepancies | None,
-    members: int,
-    rng: np.random.Generator,
-    times: Tensor,
-) -> Forcing:
-    """Return random model errors of members; none without discrepancies."""
-    if discrepancies is None:
-        return Forcing((), torch.zeros((members, 0), dtype=torch.float64))
-    library = discrepancies.library
-    size = min(discrepancies.terms, len(library))
-    known = min(len(nominal), len(times))
-    scales = term_scales(system, library, nominal[:known], times[:known])
-    coefficients = np.zeros((members, len(library)))
-    for row in coefficients:
-        chosen = rng.choice(len(library), size=size, replace=False)
-        row[chosen] = discrepancies.amplitude * rng.standard_normal(len(chosen))
-    return Forcing(resolve(system, library), torch.from_numpy(coefficients) * scales)

@@ -170,9 +170,7 @@ def _identity(source: MemberSource, members: int, run: str, size: BatchSize) -> 
     digest, system, prior = hashlib.sha256(), source.system, source.prior
     for tensor in (source.times, prior.start(torch.ones((1, prior.size)).double()), source.nominal):
         digest.update(tensor.contiguous().numpy().data)
-    random, terms = source.discrepancies, None
-    if random is not None:
-        terms = [*map(str, random.library), random.terms, random.amplitude]
+    terms = None if source.errors is None else source.errors.identity
     described = [
         *map(str, (system.equations, system.config, system.dt)),
         source.rng.bit_generator.state,

@@ -14,12 +14,12 @@ from dashred.__main__ import main
 from dashred.config import load_config
 from dashred.core.errors import DONE, InputError
 from dashred.core.findings.findings import freeze, write_json_atomic
+from dashred.evaluation.case_rows import Case, read_rows
 from dashred.evaluation.isolation.worker import Worker, WorkerLostError
 from dashred.evaluation.programs import run
 from dashred.evaluation.programs.arguments import read_words
 from dashred.evaluation.programs.bundled_steps import TALLY
 from dashred.evaluation.programs.hidden_equations import hide_equations
-from dashred.evaluation.programs.rows import Case, read_rows
 from dashred.evaluation.twins.twin_file import read_twin
 from tests.evaluation.foreign.invented import findings_of
 

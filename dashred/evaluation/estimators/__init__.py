@@ -1,0 +1,1 @@
+"""Estimators for real time, beside an ensemble filter on the true law."""

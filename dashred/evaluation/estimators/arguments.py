@@ -1,0 +1,59 @@
+"""Arguments of the command ``dashred evaluate estimators``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from dashred.config.bundled_systems import results_root
+from dashred.core.command_line.argument_types import (
+    integer_reader,
+    read_absolute_path,
+    read_number,
+)
+from dashred.core.command_line.arguments import Command, argument
+from dashred.evaluation.case_rows import CaseRequest, read_action
+
+BENCHMARK = "estimators"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request(CaseRequest):
+    """Settings of one command."""
+
+    noise: float = argument(
+        read_number, "0.05", "of the sensors, in std of what they read", default="0.01"
+    )
+    members: int = argument(
+        integer_reader(at_least=10, at_most=100_000),
+        "200",
+        "members of the filter on the true law",
+        default="1000",
+    )
+    output: Path = argument(
+        read_absolute_path,
+        "DIR",
+        f"default: {results_root() / BENCHMARK} (not tracked by git)",
+        factory=lambda: results_root() / BENCHMARK,
+    )
+    document: Path = argument(
+        read_absolute_path, "FILE", "the page", default=str(results_root() / "docs/estimators.md")
+    )
+
+
+COMMAND = Command(
+    f"dashred evaluate {BENCHMARK} run|document",
+    Request,
+    """\
+Compares the estimators for real time that a run makes, the corrected SHRED and the observer, with
+an ensemble filter that knows the true law. All read the same sensors, and no later reading. `run`
+analyses the rows that are not done, and `document` writes the page of all rows.""",
+    after="""\
+DIR holds `rows/` with one file a row. After an interruption, give the same command again.
+""",
+)
+
+
+def read_words(argv: list[str]) -> Request:
+    """Read the command line; see :func:`.case_rows.read_action`."""
+    return read_action(COMMAND, argv)
