@@ -48,6 +48,9 @@ def _run_case(request: Request, case: Case) -> Row:
         words = [*common, f"recording.path={GIVEN}/{RECORDING}", f"output={FOUND}"]
         if request.budget is not None:
             words.append(f"budget={request.budget}")
+        # While the analysis runs, the truth is in the memory of this process alone.
+        sealed = (folder / SEALED).read_bytes()
+        (folder / SEALED).unlink()
         files = {RECORDING: (folder / RECORDING).read_bytes()}
         answer = analyse(Analysis(files, tuple(words), float(request.limit)))
         row = _empty_row(request, case, answer.problem)
@@ -55,6 +58,7 @@ def _run_case(request: Request, case: Case) -> Row:
             return row
         answer.write(found, Path(name) / "log.txt")
         check_freeze(found)
+        (folder / SEALED).write_bytes(sealed)
         own = [*common, f"recording.path={folder / RECORDING}", f"output={Path(name) / 'none'}"]
         filtered, settings = filter_truth(own, case.twin, request.members)
         return row | _scores(folder / SEALED, found, filtered) | {"filter_settings": settings}
