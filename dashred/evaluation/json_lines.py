@@ -9,6 +9,14 @@ from typing import Any
 
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.findings.findings import canonical
+from dashred.core.progress import CONSOLE
+
+
+def write_page(page: Path, text: str, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write a page and its rows beside it, and say where."""
+    write_rows_beside(page, rows)
+    write_text_atomic(page, text)
+    CONSOLE.print(f"Document: {page}", markup=False, soft_wrap=True)
 
 
 def write_rows_beside(page: Path, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -98,9 +98,11 @@ def observe_episodes(
     ]
 
 
-def _uncertainty(law: Law) -> UncertainTerms:
-    """Return the uncertainty of the law and of uncertain parameters: the simulator errs by it."""
+def _uncertainty(law: Law) -> UncertainTerms | None:
+    """Return the uncertainty of the law and of uncertain parameters; None if there are none."""
     candidates, _ = law.changes
+    if not candidates:
+        return None
     forcing = build_forcing(candidates, torch.eye(len(candidates), dtype=torch.float64))
     stds = torch.tensor([each.std for each in law.parameters], dtype=torch.float64)
     covariance = torch.block_diag(torch.diag(stds.square()), law.covariance)

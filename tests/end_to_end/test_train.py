@@ -27,8 +27,8 @@ FIGURES = {
 }
 # Work of the quick twin experiment, which dashred.core.work counts.
 WORK = {
-    "trajectory steps": 25_645,
-    "trajectory values": 826_120,
+    "trajectory steps": 30_466,
+    "trajectory values": 980_392,
     "column steps": 111_237,
     "column values": 3_559_536,
     "transforms": 1_600_355,
@@ -43,6 +43,7 @@ def test_a_twin_experiment_leaves_all_its_files(twin_run) -> None:
         "corrected.yaml",
         "estimates.nc",
         "estimator.nc",
+        "observer_spread.nc",
         "findings.json",
         "forecast.nc",
         "freeze.json",

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from statistics import median
 
-from dashred.core.files.atomic import write_text_atomic
-from dashred.core.progress import CONSOLE
 from dashred.core.templates import render
 from dashred.evaluation.case_rows import read_rows
-from dashred.evaluation.json_lines import write_rows_beside
+from dashred.evaluation.json_lines import write_page
 from dashred.evaluation.programs.arguments import Request
 from dashred.evaluation.programs.rows import Answer, Row
 from dashred.evaluation.proof.scoring.statistics import Rate
@@ -26,9 +24,7 @@ def write_document(request: Request) -> None:
         InputError: there are no rows.
     """
     rows: list[Row] = read_rows(request.output)
-    write_rows_beside(request.document, rows)
-    write_text_atomic(request.document, document(rows))
-    CONSOLE.print(f"Document: {request.document}", markup=False, soft_wrap=True)
+    write_page(request.document, document(rows), rows)
 
 
 def document(rows: Sequence[Row]) -> str:
