@@ -86,7 +86,7 @@ def observe_episodes(
         records = [_record(each, law) for each in drawn]
         seed = [problem.config.seed, *STAGE.encode()]
         found = observe(records, seed, problem.deadline(STAGE))
-        seconds[STEP] = records[0].seconds_per_step()
+        seconds[STEP] = records[0].seconds_per_step(found[0].states[:1])
         model_error = found[0].model_error
         told = f"{members} simulations"
         if model_error:
@@ -114,10 +114,11 @@ def _record(drawn: EpisodeEnsemble, law: Law) -> ObservedRecord:
     values = fit.values.copy()
     faulty = {fault.sensor for fault in law.faults}
     values[:, [name in faulty for name in fit.names]] = math.nan
-    fixed = system.with_fixed_steps() if np.isnan(system.dt) else system
+    march = March(system.with_fixed_steps() if np.isnan(system.dt) else system)
+    states = drawn.ensemble.states
     return ObservedRecord(
-        march=March(fixed),
-        states=drawn.ensemble.states,
+        march=march,
+        states=lambda sample: march.off_grid(states[:, sample]),
         times=drawn.ensemble.times.numpy(),
         values=values,
         noise=drawn.episode.noise_of(fit.names).numpy(),

@@ -12,7 +12,9 @@ from dashred.config.source_dict import source_from_dict
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
 from dashred.inference.streaming.calibration import Calibration, calibrate
-from dashred.inference.streaming.live_filter import LiveFilter, LiveSettings
+from dashred.inference.streaming.live_estimator import LiveEstimator, LiveSettings
+from dashred.inference.streaming.live_filter import LiveFilter
+from dashred.inference.streaming.live_observer import LiveObserver
 from dashred.inference.streaming.monitor import Monitor
 from dashred.inference.streaming.tracker import Alarm, Tracker
 from dashred.physics.solvers.simulate import simulate
@@ -57,16 +59,24 @@ def climate() -> Array:
     return simulate(system(), start, times)[0].numpy()
 
 
-def calibrated(members: int = 30) -> Calibration:
-    """Calibrate a filter on a recording of the true law."""
+def ensemble_filter(members: int = 30) -> LiveEstimator:
     noise = np.full(2, SIGMA)
-    first = LiveFilter(system(), SENSORS, (), noise, climate(), members, LiveSettings(), seed=0)
-    return calibrate(first, *readings(300, seed=1))
+    return LiveFilter(system(), SENSORS, (), noise, climate(), members, LiveSettings(), seed=0)
 
 
-def tracker(rate: float = 1e-4) -> Tracker:
-    """Return a tracker whose filter has not seen its stream."""
-    known = calibrated()
+def observer() -> LiveEstimator:
+    noise = np.full(2, SIGMA)
+    return LiveObserver(system(), SENSORS, (), noise, climate(), EVERY, LiveSettings(), seed=0)
+
+
+def calibrated(estimator: LiveEstimator) -> Calibration:
+    """Calibrate an estimator on a recording of the true law."""
+    return calibrate(estimator, *readings(300, seed=1))
+
+
+def tracker(estimator: LiveEstimator, rate: float = 1e-4) -> Tracker:
+    """Return a tracker whose estimator has not seen its stream."""
+    known = calibrated(estimator)
     filter = known.filter
     filter.begin()
     return Tracker(filter, Monitor(known.innovations, known.serial, rate), settling=20)

@@ -8,6 +8,7 @@ a large population this is the Kalman filter.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from statistics import median
 
@@ -17,7 +18,6 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.streaming.march import March
-from dashred.physics.runs.stored_states import States
 
 Array = NDArray[np.float64]
 
@@ -33,36 +33,36 @@ class ObservedRecord:
 
     Attributes:
         march: the simulator from sample to sample.
-        states: of the simulations, ``(member, time, field, *grid)``.
+        states: returns the states of the simulations at a sample, ``(member, field*point)``; the
+            samples are asked for in order.
         times: ``(time,)``, of the simulations; the recording may end earlier.
         values: readings, ``(sample, sensor)``; NaN where missing.
         noise: σ of each sensor, ``(sensor,)``.
-        operator: observation operator of the sensors.
+        operator: observation operator of the sensors, and of further quantities after them.
     """
 
     march: March
-    states: States
+    states: Callable[[int], Array]
     times: Array
     values: Array
     noise: Array
     operator: ObservationOperator
-
-    def simulated(self, sample: int) -> Array:
-        """Return the states of all simulations at a sample, ``(member, field*point)``."""
-        return self.march.off_grid(self.states[:, sample])
 
     def span(self, sample: int) -> float:
         """Return the time from the sample before, equal for all samples of a clock."""
         return float(f"{self.times[sample] - self.times[sample - 1]:.12g}")
 
     def readings(self, states: Array, sample: int) -> Array:
-        """Return what the sensors read of states, ``(state, sensor)``, without noise."""
+        """Return what the sensors read of states, ``(state, quantity)``, without noise."""
         on_grid: Tensor = self.march.on_grid(states)
         return self.operator(on_grid, float(self.times[sample])).numpy()
 
-    def seconds_per_step(self) -> float:
-        """Return the median time of a step of one state: the simulator, the readings, the gain."""
-        state = self.simulated(0)[:1]
+    def seconds_per_step(self, state: Array) -> float:
+        """Return the median time of a step of one state: the simulator, the readings, the gain.
+
+        Args:
+            state: of the first sample, ``(1, field*point)``.
+        """
         gain = np.zeros((len(self.noise), state.shape[1]))
         taken = []
         for _ in range(TIMED_STEPS):
@@ -84,7 +84,7 @@ class SimulatedErrors:
 
     Attributes:
         errors: true state minus estimate, ``(member, field*point)``.
-        of_sensors: the same for what the sensors read, ``(member, sensor)``.
+        of_sensors: the same for what the sensors read, ``(member, quantity)``.
         estimate: of the state in the recording, ``(field*point,)``.
     """
 
@@ -100,7 +100,7 @@ class SimulatedErrors:
             rng: random number generator.
         """
         self.record, self._model_error, self._rng = record, model_error, rng
-        self._simulated = record.simulated(0)
+        self._simulated = record.states(0)
         self.estimate = self._simulated.mean(axis=0)
         self.errors = self._simulated - self.estimate
         self.of_sensors = np.empty(0)
@@ -111,7 +111,7 @@ class SimulatedErrors:
         record, members = self.record, len(self.errors)
         states = np.concatenate([self._simulated - self.errors, self.estimate[None]])
         states = record.march(states, float(record.times[sample - 1]), record.span(sample))
-        self._simulated = record.simulated(sample)
+        self._simulated = record.states(sample)
         self.errors = self._simulated - states[:members]
         self._replace_lost()
         if self._model_error:
@@ -128,9 +128,9 @@ class SimulatedErrors:
             the innovations of the recording, ``(known sensor,)``.
         """
         record, known = self.record, self.record.known(sample)
-        size = (len(self.errors), len(record.noise))
-        noise = record.noise * self._rng.standard_normal(size)
-        self.errors -= (self.of_sensors + noise)[:, known] @ gain
+        count = len(record.noise)
+        noise = record.noise * self._rng.standard_normal((len(self.errors), count))
+        self.errors -= (self.of_sensors[:, :count] + noise)[:, known] @ gain
         expected = record.readings(self.estimate[None], sample)[0]
         if sample >= len(record.values):
             return np.empty(0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,15 +10,11 @@ from numpy.typing import NDArray
 
 from dashred.core.errors import InputError
 from dashred.inference.initial_state.ensemble_filter import FilterLostError
-from dashred.inference.streaming.live_filter import LiveFilter
+from dashred.inference.streaming.live_estimator import LiveEstimator
 from dashred.inference.streaming.whitening import Whitener
 
 Array = NDArray[np.float64]
 
-# Radii that are tried, as shares of the shortest axis.
-RADII = (0.25, 0.125, 0.0625)
-# Without a random part and inflation, the filter would no longer listen after a long time.
-ADDITIVE, INFLATION = (1e-3, 1e-2), (1.005, 1.02, 1.05)
 # The settings are chosen with so many samples at most, and the statistics are those of so many.
 TRIED, MEASURED = 200, 2000
 # Share of the samples, and their largest number, in which the filter finds the state.
@@ -37,7 +32,7 @@ class Calibration:
         samples: number of samples that the statistics are from.
     """
 
-    filter: LiveFilter
+    filter: LiveEstimator
     innovations: Whitener
     serial: Whitener
     samples: int
@@ -45,13 +40,13 @@ class Calibration:
 
 @dataclass(frozen=True)
 class _Run:
-    filter: LiveFilter
+    filter: LiveEstimator
     density: float
     innovations: Array
     serial: Array
 
 
-def calibrate(filter: LiveFilter, times: Array, values: Array) -> Calibration:
+def calibrate(filter: LiveEstimator, times: Array, values: Array) -> Calibration:
     """Choose localisation and inflation, and measure the innovations.
 
     The settings are those with the largest density of the readings, one after the other: radius,
@@ -67,7 +62,7 @@ def calibrate(filter: LiveFilter, times: Array, values: Array) -> Calibration:
     """
     tried = slice(-TRIED, None)
     best: _Run | None = None
-    for change in _changes(filter):
+    for change in filter.changes:
         for value in change[1]:
             settings = filter.settings if best is None else best.filter.settings
             given = replace(settings, **{change[0]: value})
@@ -90,15 +85,7 @@ def calibrate(filter: LiveFilter, times: Array, values: Array) -> Calibration:
     )
 
 
-def _changes(filter: LiveFilter) -> Sequence[tuple[str, Sequence[float]]]:
-    """Return the settings that are tried, in order."""
-    axes = filter.system.axes
-    shortest = min((axis.length for axis in axes), default=math.inf)
-    radii = [math.inf, *(share * shortest for share in RADII)] if axes else [math.inf]
-    return [("radius", radii), ("additive", ADDITIVE), ("inflation", INFLATION)]
-
-
-def _run(filter: LiveFilter, times: Array, values: Array) -> _Run | None:
+def _run(filter: LiveEstimator, times: Array, values: Array) -> _Run | None:
     """Filter a recording; return None if the members blow up."""
     beginning = min(int(BEGINNING * len(times)), LONGEST_BEGINNING)
     limits = np.full(values.shape[1], np.inf)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.inference.initial_state.ensemble_filter import FilterLostError
-from dashred.inference.streaming.live_filter import LiveFilter
+from dashred.inference.streaming.live_estimator import LiveEstimator
 from dashred.inference.streaming.monitor import Monitor
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ class Snapshot:
     """The filter and its charts before the sample with this number."""
 
     index: int
-    filter: LiveFilter
+    filter: LiveEstimator
     monitor: Monitor
 
 
@@ -47,7 +47,7 @@ class Faulty:
     """The sensor without which the others are white noise, and the filter without it."""
 
     sensor: int
-    filter: LiveFilter
+    filter: LiveEstimator
     monitor: Monitor
 
 

@@ -10,14 +10,11 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
 from dashred.inference.initial_state.covariance_tapers import (
     distances,
@@ -29,7 +26,9 @@ from dashred.inference.initial_state.ensemble_filter import (
     FilterLostError,
     bounded_members,
 )
+from dashred.inference.streaming.live_estimator import Analysed, LiveSettings
 from dashred.inference.streaming.march import March, points_of
+from dashred.inference.streaming.readout import Readout
 from dashred.inference.streaming.serial_analysis import analyse, inflate
 from dashred.physics.system import System
 
@@ -41,41 +40,10 @@ MIXING = 0.2
 FAR = 10.0
 
 
-@dataclass(frozen=True)
-class LiveSettings:
-    """Settings of the filter.
-
-    Attributes:
-        radius: Gaspari–Cohn radius about a sensor, in the unit of the axes; infinite for none.
-        inflation: factor on the anomalies of the forecast before each analysis.
-        additive: standard deviation of the random part that each member gets before each analysis,
-            as a share of that of the climate.
-    """
-
-    radius: float = math.inf
-    inflation: float = 1.005
-    additive: float = 1e-3
-
-
-class Analysed(NamedTuple):
-    """What the filter knows after a sample.
-
-    Attributes:
-        estimate: mean of each quantity, ``(quantity,)``.
-        spread: standard deviation of each quantity over the members, ``(quantity,)``.
-        innovation: reading minus its forecast, ``(sensor,)``; NaN without a reading.
-        innovation_std: expected standard deviation of the innovation, ``(sensor,)``.
-        serial: innovations given the earlier readings of the sample, in their own standard
-            deviations, ``(sensor,)``; see :func:`.serial_analysis.analyse`.
-        density: logarithm of the density of the readings, without its constant.
-    """
-
-    estimate: Array
-    spread: Array
-    innovation: Array
-    innovation_std: Array
-    serial: Array
-    density: float
+# Radii that are tried, as shares of the shortest axis.
+RADII = (0.25, 0.125, 0.0625)
+# Without a random part and inflation, the filter would no longer listen after a long time.
+ADDITIVE, INFLATION = (1e-3, 1e-2), (1.005, 1.02, 1.05)
 
 
 class LiveFilter:
@@ -116,8 +84,7 @@ class LiveFilter:
         self._noise, self._climate, self._count = noise, climate, members
         self._mean, self._range = climate.mean(axis=0), np.ptp(climate, axis=0).max()
         quantities = (*self.sensors, *self.places)
-        self._operator = ObservationOperator(quantities, system)
-        self._matrix = _matrix(self._operator, system)
+        self.quantities = Readout(self.march, system, quantities)
         self._tapers = _tapers(system, self.sensors, quantities, settings.radius)
         self._shape = points_of(system)
         self._rng = np.random.default_rng(seed)
@@ -173,12 +140,6 @@ class LiveFilter:
         known = joint[:, :count]
         return Analysed(known.mean(axis=0), known.std(axis=0, ddof=1), *found)
 
-    def quantities(self, states: Array, time: float) -> Array:
-        """Return the quantities of states ``(state, field*point)``: ``(state, quantity)``."""
-        if self._matrix is not None:
-            return states @ self._matrix
-        return self._operator(self.march.on_grid(states), time).numpy()
-
     def ahead(self, span: float) -> Array:
         """Return the quantities that are expected after a time, ``(quantity,)``.
 
@@ -192,6 +153,14 @@ class LiveFilter:
     def mean(self) -> Array:
         """Mean state of the members at the points of the axes, ``(field, *point)``."""
         return self.members.mean(axis=0).reshape(len(self.system.fields), *self._shape)
+
+    @property
+    def changes(self) -> Sequence[tuple[str, Sequence[float]]]:
+        """Settings and the values of each that may be tried, in order."""
+        axes = self.system.axes
+        shortest = min((axis.length for axis in axes), default=math.inf)
+        radii = [math.inf, *(share * shortest for share in RADII)] if axes else [math.inf]
+        return [("radius", radii), ("additive", ADDITIVE), ("inflation", INFLATION)]
 
     def _random_part(self) -> Array:
         """Return the random part that each member gets, ``(member, field*point)``."""
@@ -215,15 +184,6 @@ class LiveFilter:
             raise FilterLostError(f"the members have blown up at t = {time:g}")
         lost = np.flatnonzero(~bounded)
         self.members[lost] = self.members[self._rng.choice(kept, len(lost))]
-
-
-def _matrix(operator: ObservationOperator, system: System) -> Array | None:
-    """Return H as a matrix ``(field*point, quantity)``; None if it is not linear."""
-    if any(sensor.reads not in system.fields for sensor in operator.sensors):
-        return None
-    shape = (len(system.fields), *points_of(system))
-    units = torch.eye(math.prod(shape), dtype=torch.float64)
-    return operator(system.grid.ring(units.reshape(-1, *shape))).numpy()
 
 
 def _tapers(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, ndtri
 
 from dashred.inference.streaming.cusum import Charts
-from dashred.inference.streaming.live_filter import Analysed
+from dashred.inference.streaming.live_estimator import Analysed
 from dashred.inference.streaming.whitening import Whitener
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ class Monitor:
 
     Args:
         innovations: whitens the innovations of the sensors in their expected standard deviations.
-        serial: whitens the serial innovations, see :class:`.live_filter.Analysed`.
+        serial: whitens the serial innovations, see :class:`.live_estimator.Analysed`.
         rate: of false alarms of all charts together, per sample.
     """
 

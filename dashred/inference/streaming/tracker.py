@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.inference.streaming.diagnosis import LONGEST, Sample, Snapshot, without_one_sensor
-from dashred.inference.streaming.live_filter import Analysed, LiveFilter
+from dashred.inference.streaming.live_estimator import Analysed, LiveEstimator
 from dashred.inference.streaming.monitor import Monitor
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ class Tracker:
         is_settled: whether enough samples have passed for the charts to begin.
     """
 
-    def __init__(self, filter: LiveFilter, monitor: Monitor, settling: int) -> None:
+    def __init__(self, filter: LiveEstimator, monitor: Monitor, settling: int) -> None:
         """Begin with a filter.
 
         Args:

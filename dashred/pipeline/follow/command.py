@@ -68,8 +68,11 @@ class Arguments:
         "rate of false alarms per sample, of all charts together",
         default="1e-4",
     )
-    members: int = argument(
-        integer_reader(at_least=4, at_most=10_000), "40", "members of the ensemble", default="40"
+    members: int | None = argument(
+        integer_reader(at_least=4, at_most=10_000),
+        "40",
+        "members of an ensemble filter, slower; default: an observer",
+        default=None,
     )
     fields: Path | None = argument(
         read_path, "FILE.zarr", "whole fields at intervals, to Zarr or NetCDF (.nc)", default=None

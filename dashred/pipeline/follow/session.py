@@ -14,7 +14,9 @@ import numpy as np
 from dashred.core.errors import InputError
 from dashred.data.sensors import Sensor
 from dashred.inference.streaming.calibration import Calibration, calibrate
-from dashred.inference.streaming.live_filter import LiveFilter, LiveSettings
+from dashred.inference.streaming.live_estimator import LiveEstimator, LiveSettings
+from dashred.inference.streaming.live_filter import LiveFilter
+from dashred.inference.streaming.live_observer import LiveObserver
 from dashred.inference.streaming.monitor import Monitor
 from dashred.inference.streaming.tracker import Alarm, Tracker
 from dashred.pipeline.follow.alarm_window import AlarmWindow
@@ -43,7 +45,7 @@ class Settings:
     at: Sequence[str]
     ahead: int
     rate: float
-    members: int
+    members: int | None
     fields: Path | None
     every: int
     window: Path
@@ -93,20 +95,18 @@ def follow(run: FinishedRun, settings: Settings) -> None:
 
 
 def _calibrated(run: FinishedRun, places: Sequence[Sensor], settings: Settings) -> Calibration:
-    filter = LiveFilter(
-        run.system,
-        run.sensors,
-        places,
-        run.noise,
-        run.climate,
-        settings.members,
-        LiveSettings(),
-        settings.seed,
-    )
     try:
-        return calibrate(filter, run.times, run.values)
+        return calibrate(_estimator(run, places, settings), run.times, run.values)
     except InputError as error:
         raise InputError(error.what, where=str(run.folder), hint=error.hint) from None
+
+
+def _estimator(run: FinishedRun, places: Sequence[Sensor], settings: Settings) -> LiveEstimator:
+    """Return an ensemble filter if its members are stated, else an observer."""
+    known = run.system, run.sensors, places, run.noise, run.climate
+    if settings.members is None:
+        return LiveObserver(*known, run.step, LiveSettings(), settings.seed)
+    return LiveFilter(*known, settings.members, LiveSettings(), settings.seed)
 
 
 class _Session:

@@ -1,0 +1,108 @@
+"""The gains of an observer of a stream, learnt on simulations that start in the climate."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashred.inference.observer.simulated_errors import ObservedRecord, SimulatedErrors
+from dashred.inference.streaming.march import March
+from dashred.inference.streaming.readout import Readout
+
+Array = NDArray[np.float64]
+
+# Number of simulations, and of samples of each. The gain of the last half is steady.
+SIMULATIONS, SAMPLES = 128, 120
+# A first state is one of the climate, changed by this share of a difference of two others.
+MIXING = 0.2
+
+
+@dataclass(frozen=True)
+class LiveGains:
+    """Covariances of the errors of the forecasts, by the number of samples since the beginning.
+
+    Attributes:
+        between: of the quantities, ``(sample, quantity, quantity)``.
+        across: of sensors and state, ``(sample, sensor, field*point)``.
+    """
+
+    between: Array
+    across: Array
+
+    def at(self, sample: int) -> tuple[Array, Array]:
+        """Return both for a sample; they no longer change after the last one."""
+        index = min(sample, len(self.between) - 1)
+        return self.between[index], self.across[index]
+
+
+def learn_gains(
+    march: March,
+    readout: Readout,
+    noise: Array,
+    climate: Array,
+    span: float,
+    model_error: float,
+    seed: int,
+) -> LiveGains:
+    """Observe simulations, and average the covariances of their later samples.
+
+    Args:
+        march: the simulator.
+        readout: sensors first, then further quantities.
+        noise: σ of the sensors.
+        climate: states that the system may be in, ``(state, field*point)``.
+        span: time between samples.
+        model_error: see :class:`.simulated_errors.SimulatedErrors`.
+        seed: of the random numbers.
+    """
+    rng = np.random.default_rng(seed)
+    simulations = _Simulations(march, climate, span, rng)
+    record = ObservedRecord(
+        march=march,
+        states=simulations,
+        times=span * np.arange(SAMPLES, dtype=np.float64),
+        values=np.zeros((0, len(noise))),
+        noise=noise,
+        operator=readout.operator,
+    )
+    errors, sensors = SimulatedErrors(record, model_error, rng), len(noise)
+    between, across = [], []
+    for sample in range(SAMPLES):
+        if sample:
+            errors.forecast(sample)
+        known, all_quantities = errors.of_sensors[:, :sensors], errors.of_sensors
+        between.append(all_quantities.T @ all_quantities / len(known))
+        across.append(known.T @ errors.errors / len(known))
+        expected = between[-1][:sensors, :sensors] + np.diag(noise**2)
+        errors.analyse(np.linalg.solve(expected, across[-1]), sample)
+    half = SAMPLES // 2
+    return LiveGains(
+        np.stack([*between[:half], np.mean(between[half:], axis=0)]),
+        np.stack([*across[:half], np.mean(across[half:], axis=0)]),
+    )
+
+
+class _Simulations:
+    """Runs of the simulator, of which only the present states are kept."""
+
+    def __init__(self, march: March, climate: Array, span: float, rng: np.random.Generator) -> None:
+        chosen = rng.integers(len(climate), size=(3, SIMULATIONS))
+        self._states = climate[chosen[0]] + MIXING * (climate[chosen[1]] - climate[chosen[2]])
+        self._march, self._climate, self._span, self._rng = march, climate, span, rng
+        self._farthest = np.abs(climate).max() + np.ptp(climate)
+        self._sample = 0
+
+    def __call__(self, sample: int) -> Array:
+        """Return the states at a sample, ``(simulation, field*point)``; samples are in order."""
+        while self._sample < sample:
+            begin = self._span * self._sample
+            self._states = self._march(self._states, begin, self._span)
+            self._sample += 1
+            size = np.abs(self._states).max(axis=1)
+            lost = ~(np.where(np.isfinite(size), size, math.inf) <= self._farthest)
+            again = self._rng.integers(len(self._climate), size=int(lost.sum()))
+            self._states[lost] = self._climate[again]
+        return self._states.copy()

@@ -1,0 +1,152 @@
+"""A causal observer: one run of the simulator, and one step for every sample of a stream.
+
+See docs/method.md#observer. The gains come from simulations that start in the climate. They
+depend on the number of samples since the beginning, and are steady later.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashred.data.sensors import Sensor
+from dashred.inference.initial_state.ensemble_filter import FilterLostError
+from dashred.inference.streaming.live_estimator import Analysed, LiveSettings
+from dashred.inference.streaming.live_gains import LiveGains, learn_gains
+from dashred.inference.streaming.march import March, points_of
+from dashred.inference.streaming.readout import Readout
+from dashred.physics.system import System
+
+Array = NDArray[np.float64]
+
+# Errors of the simulator in an interval between samples that are tried. With none, the observer
+# would no longer listen after a long time.
+MODEL_ERRORS = (1e-3, 1e-2, 1e-1)
+# A state farther from the mean of the climate than this multiple of its range has blown up.
+FAR = 10.0
+
+
+class LiveObserver:
+    """The observer with its state at the time of the last sample.
+
+    Attributes:
+        time: of the last sample.
+        state: the estimate, ``(1, field*point)``, at the points of the axes without mirror images.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        sensors: Sequence[Sensor],
+        places: Sequence[Sensor],
+        noise: Array,
+        climate: Array,
+        span: float,
+        settings: LiveSettings,
+        seed: int,
+    ) -> None:
+        """Learn the gains and begin at the mean of the climate.
+
+        Args:
+            system: the simulator, with fixed steps.
+            sensors: sensors that are assimilated.
+            places: further quantities that are estimated.
+            noise: σ of each sensor.
+            climate: states that the system may be in, ``(state, field*point)``.
+            span: time between two samples of the stream.
+            settings: of which the observer has the additive part.
+            seed: of the random numbers.
+        """
+        self.system, self.settings = system, settings
+        self.sensors, self.places = tuple(sensors), tuple(places)
+        self.march = March(system)
+        self.quantities = Readout(self.march, system, (*self.sensors, *self.places))
+        self._noise, self._climate, self._span, self._seed = noise, climate, span, seed
+        self._shape = points_of(system)
+        self._range = np.ptp(climate, axis=0).max()
+        self._gains = self._learnt()
+        self.begin()
+
+    def copy(self) -> LiveObserver:
+        """Return an independent copy in the same state."""
+        return copy.copy(self)
+
+    def with_settings(self, settings: LiveSettings) -> LiveObserver:
+        """Return the observer with other settings, before the first sample."""
+        other = self.copy()
+        if settings.additive != self.settings.additive:
+            other.settings = settings
+            other._gains = other._learnt()
+        other.begin()
+        return other
+
+    def begin(self) -> None:
+        """Begin at the mean of the climate."""
+        self.state, self.time = self._climate.mean(axis=0, keepdims=True), math.nan
+        self._samples = 0
+
+    @property
+    def changes(self) -> Sequence[tuple[str, Sequence[float]]]:
+        """Settings and the values of each that may be tried, in order."""
+        return [("additive", MODEL_ERRORS)]
+
+    @property
+    def mean(self) -> Array:
+        """The estimate at the points of the axes, ``(field, *point)``."""
+        return self.state[0].reshape(len(self.system.fields), *self._shape)
+
+    def step(self, time: float, span: float, values: Array, limits: Array) -> Analysed:
+        """Run to a sample and assimilate it; see :meth:`.live_estimator.LiveEstimator.step`.
+
+        Raises:
+            FilterLostError: the estimate has blown up.
+        """
+        if not math.isnan(self.time):
+            self.state = self.march(self.state, time - span, span)
+            self._check(time)
+        self.time = time
+        count = len(self._noise)
+        between, across = self._gains.at(self._samples)
+        self._samples += 1
+        expected = between[:count, :count] + np.diag(self._noise**2)
+        std = np.sqrt(np.diag(expected))
+        innovation = values - self.quantities(self.state, time)[0, :count]
+        # This is also false for a missing reading.
+        used = np.flatnonzero(np.abs(innovation) < limits * std)
+        serial, variance, density = np.full(count, np.nan), np.diag(between).copy(), 0.0
+        if len(used):
+            # The factor of the readings that are used: innovations given the earlier ones.
+            factor = np.linalg.cholesky(expected[np.ix_(used, used)])
+            serial[used] = np.linalg.solve(factor, innovation[used])
+            weights = np.linalg.solve(factor.T, serial[used])
+            self.state = self.state + weights @ across[used]
+            explained = np.linalg.solve(factor, between[used])
+            variance -= np.square(explained).sum(axis=0)
+            density = -float(np.square(serial[used]).sum() / 2 + np.log(np.diag(factor)).sum())
+        estimate = self.quantities(self.state, time)[0]
+        spread = np.sqrt(variance.clip(min=0))
+        return Analysed(estimate, spread, innovation, std, serial, density)
+
+    def ahead(self, span: float) -> Array:
+        """Return the quantities that are expected after a time, ``(quantity,)``."""
+        return self.quantities(self.march(self.state, self.time, span), self.time + span)[0]
+
+    def _learnt(self) -> LiveGains:
+        return learn_gains(
+            self.march,
+            self.quantities,
+            self._noise,
+            self._climate,
+            self._span,
+            self.settings.additive,
+            self._seed,
+        )
+
+    def _check(self, time: float) -> None:
+        farthest = np.abs(self.state - self._climate.mean(axis=0)).max()
+        if not farthest <= FAR * self._range:
+            raise FilterLostError(f"the estimate has blown up at t = {time:g}")
