@@ -110,7 +110,7 @@ COMMAND = Command(
     Arguments,
     """\
 Follows a stream of readings with the results of a finished run. For every sample it writes the
-estimates of an ensemble filter on the corrected simulator and of the corrected SHRED, the
+estimates of an observer on the corrected simulator and of the corrected SHRED, the
 innovations and a forecast. It raises an alarm as soon as the innovations are no longer white noise.
 Ctrl-C ends it.""",
     after="See docs/follow.md.",

@@ -89,6 +89,20 @@ def test_a_copy_goes_its_own_way_and_a_new_beginning_forgets() -> None:
     np.testing.assert_array_equal(first.estimate, again.estimate)
 
 
+def test_a_forecast_does_not_change_what_follows() -> None:
+    live, other = observer(), observer()
+    for known in (live, other):
+        follow(known, 30, seed=9)
+    forecast = live.ahead(streams.EVERY)
+    live.ahead(5 * streams.EVERY)
+    np.testing.assert_array_equal(forecast, live.ahead(streams.EVERY))
+    ours, theirs = (
+        each.step(3.0, streams.EVERY, np.full(2, math.nan), NO_LIMITS) for each in (live, other)
+    )
+    np.testing.assert_array_equal(ours.estimate, theirs.estimate)
+    np.testing.assert_array_equal(ours.estimate, forecast)
+
+
 def test_a_larger_error_of_the_simulator_makes_it_less_certain() -> None:
     settled = []
     for additive in (1e-3, 1e-1):
