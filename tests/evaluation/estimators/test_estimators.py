@@ -68,8 +68,8 @@ def test_the_page_counts_what_is_near_and_names_what_failed() -> None:
     lost = row_of(system="rde", problem="no answer within 9 s", filter=None, observer=None)
     lost.update({"covered": None, "milliseconds": None, "shred": None, "verdict": None})
     text = document([row_of(), far, lost])
-    assert "in 1/2 = 50 %" in text and "of 3 rows" in text
-    assert "most twice as much in 1/2" in text and "largest ratio is 2.5" in text
+    assert "in 1/2 = 50 %" in text and "Rows: 3." in text
+    assert "at most twice as much in 1/2" in text and "largest ratio is 2.5" in text
     assert "80 % of the values in the median" in text and "70 % at least" in text
     assert "no answer within 9 s" in text
 
@@ -113,4 +113,4 @@ def test_the_observer_comes_near_to_the_filter_on_the_true_law(tmp_path: Path) -
     write_json_atomic(output / "rows" / "other.json", row)
     words = [f"output={output}", f"document={page}"]
     assert main(["evaluate", "estimators", "document", *words]) == DONE
-    assert "of 2 rows" in page.read_text() and page.with_suffix(".jsonl").is_file()
+    assert "Rows: 2." in page.read_text() and page.with_suffix(".jsonl").is_file()
