@@ -14,9 +14,9 @@ from torch import Tensor
 from dashred.core.progress import stage
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import build_forcing
+from dashred.inference.observer.march import March
 from dashred.inference.observer.observe import observe
 from dashred.inference.observer.simulated_errors import ObservedRecord
-from dashred.inference.streaming.march import March
 from dashred.physics.runs.initial_state_prior import StartPrior
 from dashred.physics.runs.uncertain_terms import UncertainTerms
 from dashred.physics.system import System

@@ -1,1 +1,1 @@
-"""A state observer whose gains come from its own errors on simulations."""
+"""A state observer: the simulator from sample to sample, and gains from errors on simulations."""

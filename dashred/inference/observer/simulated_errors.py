@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
-from dashred.inference.streaming.march import March
+from dashred.inference.observer.march import March
 
 Array = NDArray[np.float64]
 

@@ -26,8 +26,8 @@ from dashred.inference.initial_state.ensemble_filter import (
     FilterLostError,
     bounded_members,
 )
+from dashred.inference.observer.march import March, points_of
 from dashred.inference.streaming.live_estimator import Analysed, LiveSettings
-from dashred.inference.streaming.march import March, points_of
 from dashred.inference.streaming.readout import Readout
 from dashred.inference.streaming.serial_analysis import analyse, inflate
 from dashred.physics.system import System

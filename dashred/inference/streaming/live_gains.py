@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dashred.inference.observer.march import March
 from dashred.inference.observer.simulated_errors import ObservedRecord, SimulatedErrors
-from dashred.inference.streaming.march import March
 from dashred.inference.streaming.readout import Readout
 
 Array = NDArray[np.float64]

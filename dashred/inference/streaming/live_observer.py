@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from dashred.data.sensors import Sensor
 from dashred.inference.initial_state.ensemble_filter import FilterLostError
+from dashred.inference.observer.march import March, points_of
 from dashred.inference.streaming.live_estimator import Analysed, LiveSettings
 from dashred.inference.streaming.live_gains import LiveGains, learn_gains
-from dashred.inference.streaming.march import March, points_of
 from dashred.inference.streaming.readout import Readout
 from dashred.physics.system import System
 

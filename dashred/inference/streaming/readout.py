@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
-from dashred.inference.streaming.march import March, points_of
+from dashred.inference.observer.march import March, points_of
 from dashred.physics.system import System
 
 Array = NDArray[np.float64]

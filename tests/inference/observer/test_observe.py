@@ -15,9 +15,9 @@ from dashred.config.source_dict import source_from_dict
 from dashred.core.budget import Deadline, OutOfTimeError
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
+from dashred.inference.observer.march import March
 from dashred.inference.observer.observe import MODEL_ERRORS, observe
 from dashred.inference.observer.simulated_errors import ObservedRecord
-from dashred.inference.streaming.march import March
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 

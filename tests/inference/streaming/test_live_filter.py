@@ -9,8 +9,9 @@ import pytest
 import torch
 
 from dashred.inference.initial_state.ensemble_filter import FilterLostError
-from dashred.inference.streaming.live_filter import LiveFilter, LiveSettings
-from dashred.inference.streaming.march import March
+from dashred.inference.observer.march import March
+from dashred.inference.streaming.live_estimator import LiveSettings
+from dashred.inference.streaming.live_filter import LiveFilter
 from dashred.physics.solvers.simulate import simulate
 from tests.support import streams
 
