@@ -14,6 +14,7 @@ from torch import Tensor
 from dashred.core.progress import stage
 from dashred.inference.fit.law import Law
 from dashred.inference.forward.candidates import build_forcing
+from dashred.inference.observer.localisation import radius_for, sensor_tapers
 from dashred.inference.observer.march import March
 from dashred.inference.observer.observe import observe
 from dashred.inference.observer.simulated_errors import ObservedRecord
@@ -28,9 +29,8 @@ from dashred.pipeline.trajectories import Trajectories
 STAGE = "observe"
 # Key in run.json of the time that one step of the observer takes, for one recording.
 STEP = "one step of the observer"
-# Least number of simulations for each sensor, and the largest number because of this. With fewer,
-# the gain would fit chance.
-PER_SENSOR, MOST = 16, 512
+# Simulations for each sensor, as far as they and their values are not more than this: 128 MiB.
+PER_SENSOR, MOST, MOST_VALUES = 16, 512, 2**24
 
 
 def observe_episodes(
@@ -67,8 +67,7 @@ def observe_episodes(
     def before_readings(system: System, index: int) -> StartPrior:
         return StartPrior(system, prior.centre, prior.rms, prior.kept)
 
-    sensors = len(problem.split.fit.names)
-    members = max(problem.config.surrogate.members, min(MOST, PER_SENSOR * sensors))
+    members = _simulations(problem)
     drawn = simulate_corrected(
         problem,
         law,
@@ -83,7 +82,7 @@ def observe_episodes(
     if drawn is None or len(drawn) < len(problem.episodes):
         return []
     with stage(STAGE, seconds) as report:
-        records = [_record(each, law) for each in drawn]
+        records = [_record(each, law, members) for each in drawn]
         seed = [problem.config.seed, *STAGE.encode()]
         found = observe(records, seed, problem.deadline(STAGE))
         seconds[STEP] = records[0].seconds_per_step(found[0].states[:1])
@@ -98,6 +97,14 @@ def observe_episodes(
     ]
 
 
+def _simulations(problem: Problem) -> int:
+    """Return the number of simulations of all episodes."""
+    fit, system = problem.split.fit, problem.system
+    values = len(fit.times) * len(system.fields) * math.prod(system.grid.shape)
+    affordable = min(MOST, MOST_VALUES // values, PER_SENSOR * len(fit.names))
+    return max(problem.config.surrogate.members, affordable)
+
+
 def _uncertainty(law: Law) -> UncertainTerms | None:
     """Return the uncertainty of the law and of uncertain parameters; None if there are none."""
     candidates, _ = law.changes
@@ -109,13 +116,14 @@ def _uncertainty(law: Law) -> UncertainTerms | None:
     return UncertainTerms(forcing.terms, forcing.coefficients.argmax(dim=0).tolist(), covariance)
 
 
-def _record(drawn: EpisodeEnsemble, law: Law) -> ObservedRecord:
+def _record(drawn: EpisodeEnsemble, law: Law, members: int) -> ObservedRecord:
     fit, system = drawn.episode.split.fit, drawn.system
     values = fit.values.copy()
     faulty = {fault.sensor for fault in law.faults}
     values[:, [name in faulty for name in fit.names]] = math.nan
     march = March(system.with_fixed_steps() if np.isnan(system.dt) else system)
     states = drawn.ensemble.states
+    radius = radius_for(system, len(fit.sensors), members)
     return ObservedRecord(
         march=march,
         states=lambda sample: march.off_grid(states[:, sample]),
@@ -123,4 +131,5 @@ def _record(drawn: EpisodeEnsemble, law: Law) -> ObservedRecord:
         values=values,
         noise=drawn.episode.noise_of(fit.names).numpy(),
         operator=drawn.episode.operator(fit),
+        tapers=sensor_tapers(system, fit.sensors, fit.sensors, radius),
     )

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.budget import NEVER, Deadline
+from dashred.inference.observer.localisation import used_sensors
 from dashred.inference.observer.simulated_errors import ObservedRecord, SimulatedErrors
 
 Array = NDArray[np.float64]
@@ -102,6 +103,8 @@ def _run(
     states: list[list[Array]] = [[] for _ in records]
     spreads: list[list[Array]] = [[] for _ in records]
     squares: list[Array] = []
+    members, sensors = sum(len(part.errors) for part in parts), len(records[0].noise)
+    optimism = _optimism(members, used_sensors(sensors, members))
     cost, count = 0.0, max(len(record.values) for record in records)
     beginning = int(BEGINNING * count)
     for sample in range(count):
@@ -111,13 +114,12 @@ def _run(
                 part.forecast(sample)
         errors = np.concatenate([part.errors for part in parts])
         of_sensors = np.concatenate([part.of_sensors for part in parts])
-        optimism = _optimism(len(errors), of_sensors.shape[1])
-        between = of_sensors.T @ of_sensors / len(errors)
-        across = of_sensors.T @ errors / len(errors)
+        between, across = covariances(errors, of_sensors, records[0].tapers)
         for part, found, spread in zip(parts, states, spreads, strict=True):
             known = part.record.known(sample)
-            expected = between[np.ix_(known, known)] + np.diag(part.record.noise[known] ** 2)
-            innovations = part.analyse(np.linalg.solve(expected, across[known]), sample)
+            expected = between[np.ix_(known, known)] + np.diag(np.square(part.record.noise[known]))
+            gain: Array = np.linalg.solve(expected, across[known])
+            innovations = part.analyse(gain, sample)
             if sample >= len(part.record.values):
                 continue
             found.append(part.estimate)
@@ -133,6 +135,24 @@ def _run(
         [np.stack(each) for each in spreads],
         mean_square,
         cost if math.isfinite(cost) else math.inf,
+    )
+
+
+def covariances(errors: Array, of_quantities: Array, tapers: Array) -> tuple[Array, Array]:
+    """Return the covariances of sensors with quantities, and with the state.
+
+    Args:
+        errors: of the state, ``(member, field*point)``.
+        of_quantities: of sensors and further quantities, ``(member, quantity)``.
+        tapers: localisation, ``(sensor, quantity and field*point)``.
+
+    Returns:
+        ``(sensor, quantity)`` and ``(sensor, field*point)``.
+    """
+    sensors, quantities = len(tapers), of_quantities.shape[1]
+    known = of_quantities[:, :sensors].T / len(errors)
+    return tapers[:, :quantities] * (known @ of_quantities), tapers[:, quantities:] * (
+        known @ errors
     )
 
 

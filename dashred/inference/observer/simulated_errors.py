@@ -39,6 +39,7 @@ class ObservedRecord:
         values: readings, ``(sample, sensor)``; NaN where missing.
         noise: σ of each sensor, ``(sensor,)``.
         operator: observation operator of the sensors, and of further quantities after them.
+        tapers: localisation, ``(sensor, quantity and field*point)``.
     """
 
     march: March
@@ -47,6 +48,7 @@ class ObservedRecord:
     values: Array
     noise: Array
     operator: ObservationOperator
+    tapers: Array
 
     def span(self, sample: int) -> float:
         """Return the time from the sample before, equal for all samples of a clock."""

@@ -16,16 +16,12 @@ import torch
 from numpy.typing import NDArray
 
 from dashred.data.sensors import Sensor
-from dashred.inference.initial_state.covariance_tapers import (
-    distances,
-    gaspari_cohn,
-    sensor_distances,
-)
 from dashred.inference.initial_state.ensemble_filter import (
     SMALLEST_SHARE,
     FilterLostError,
     bounded_members,
 )
+from dashred.inference.observer.localisation import sensor_tapers
 from dashred.inference.observer.march import March, points_of
 from dashred.inference.streaming.live_estimator import Analysed, LiveSettings
 from dashred.inference.streaming.readout import Readout
@@ -85,7 +81,7 @@ class LiveFilter:
         self._mean, self._range = climate.mean(axis=0), np.ptp(climate, axis=0).max()
         quantities = (*self.sensors, *self.places)
         self.quantities = Readout(self.march, system, quantities)
-        self._tapers = _tapers(system, self.sensors, quantities, settings.radius)
+        self._tapers = sensor_tapers(system, self.sensors, quantities, settings.radius)
         self._shape = points_of(system)
         self._rng = np.random.default_rng(seed)
         self.time = math.nan
@@ -104,7 +100,7 @@ class LiveFilter:
         other = self.copy()
         other.settings = settings
         quantities = (*self.sensors, *self.places)
-        other._tapers = _tapers(self.system, self.sensors, quantities, settings.radius)
+        other._tapers = sensor_tapers(self.system, self.sensors, quantities, settings.radius)
         other.begin()
         return other
 
@@ -184,21 +180,3 @@ class LiveFilter:
             raise FilterLostError(f"the members have blown up at t = {time:g}")
         lost = np.flatnonzero(~bounded)
         self.members[lost] = self.members[self._rng.choice(kept, len(lost))]
-
-
-def _tapers(
-    system: System, sensors: Sequence[Sensor], quantities: Sequence[Sensor], radius: float
-) -> Array:
-    """Return the localisation ``(sensor, quantity and field*point)``."""
-    count = len(quantities) + len(system.fields) * math.prod(points_of(system))
-    if not system.axes or not math.isfinite(radius):
-        return np.ones((len(sensors), count))
-    places = torch.tensor([s.position for s in quantities], dtype=torch.float64)
-    between = sensor_distances(system.grid, places)[: len(sensors)]
-    apart = distances(system.grid, places[: len(sensors)])
-    apart = system.grid.own(apart.expand(len(sensors), *system.grid.shape)).flatten(1)
-    parts = [
-        gaspari_cohn(between, radius),
-        gaspari_cohn(apart, radius).repeat(1, len(system.fields)),
-    ]
-    return torch.cat(parts, dim=1).numpy()

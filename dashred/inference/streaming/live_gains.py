@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.inference.observer.march import March
+from dashred.inference.observer.observe import covariances
 from dashred.inference.observer.simulated_errors import ObservedRecord, SimulatedErrors
 from dashred.inference.streaming.readout import Readout
 
@@ -25,22 +26,25 @@ class LiveGains:
     """Covariances of the errors of the forecasts, by the number of samples since the beginning.
 
     Attributes:
-        between: of the quantities, ``(sample, quantity, quantity)``.
+        between: of sensors and quantities, ``(sample, sensor, quantity)``.
+        variances: of the quantities, ``(sample, quantity)``.
         across: of sensors and state, ``(sample, sensor, field*point)``.
     """
 
     between: Array
+    variances: Array
     across: Array
 
-    def at(self, sample: int) -> tuple[Array, Array]:
-        """Return both for a sample; they no longer change after the last one."""
+    def at(self, sample: int) -> tuple[Array, Array, Array]:
+        """Return all for a sample; they no longer change after the last one."""
         index = min(sample, len(self.between) - 1)
-        return self.between[index], self.across[index]
+        return self.between[index], self.variances[index], self.across[index]
 
 
 def learn_gains(
     march: March,
     readout: Readout,
+    tapers: Array,
     noise: Array,
     climate: Array,
     span: float,
@@ -52,6 +56,7 @@ def learn_gains(
     Args:
         march: the simulator.
         readout: sensors first, then further quantities.
+        tapers: localisation, ``(sensor, quantity and field*point)``.
         noise: σ of the sensors.
         climate: states that the system may be in, ``(state, field*point)``.
         span: time between samples.
@@ -67,21 +72,24 @@ def learn_gains(
         values=np.zeros((0, len(noise))),
         noise=noise,
         operator=readout.operator,
+        tapers=tapers,
     )
     errors, sensors = SimulatedErrors(record, model_error, rng), len(noise)
-    between, across = [], []
+    learnt = []
     for sample in range(SAMPLES):
         if sample:
             errors.forecast(sample)
-        known, all_quantities = errors.of_sensors[:, :sensors], errors.of_sensors
-        between.append(all_quantities.T @ all_quantities / len(known))
-        across.append(known.T @ errors.errors / len(known))
-        expected = between[-1][:sensors, :sensors] + np.diag(noise**2)
-        errors.analyse(np.linalg.solve(expected, across[-1]), sample)
+        between, across = covariances(errors.errors, errors.of_sensors, tapers)
+        learnt.append((between, np.square(errors.of_sensors).mean(axis=0), across))
+        expected = between[:, :sensors] + np.diag(np.square(noise))
+        gain: Array = np.linalg.solve(expected, across)
+        errors.analyse(gain, sample)
     half = SAMPLES // 2
     return LiveGains(
-        np.stack([*between[:half], np.mean(between[half:], axis=0)]),
-        np.stack([*across[:half], np.mean(across[half:], axis=0)]),
+        *(
+            np.stack([*each[:half], np.mean(each[half:], axis=0)])
+            for each in zip(*learnt, strict=True)
+        )
     )
 
 

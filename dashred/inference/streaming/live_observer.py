@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from dashred.data.sensors import Sensor
 from dashred.inference.initial_state.ensemble_filter import FilterLostError
+from dashred.inference.observer.localisation import radius_for, sensor_tapers
 from dashred.inference.observer.march import March, points_of
 from dashred.inference.streaming.live_estimator import Analysed, LiveSettings
-from dashred.inference.streaming.live_gains import LiveGains, learn_gains
+from dashred.inference.streaming.live_gains import SIMULATIONS, LiveGains, learn_gains
 from dashred.inference.streaming.readout import Readout
 from dashred.physics.system import System
 
@@ -64,8 +65,11 @@ class LiveObserver:
         self.system, self.settings = system, settings
         self.sensors, self.places = tuple(sensors), tuple(places)
         self.march = March(system)
-        self.quantities = Readout(self.march, system, (*self.sensors, *self.places))
         self._noise, self._climate, self._span, self._seed = noise, climate, span, seed
+        quantities = (*self.sensors, *self.places)
+        self.quantities = Readout(self.march, system, quantities)
+        radius = radius_for(system, len(self.sensors), SIMULATIONS)
+        self._tapers = sensor_tapers(system, self.sensors, quantities, radius)
         self._shape = points_of(system)
         self._range = np.ptp(climate, axis=0).max()
         self._gains = self._learnt()
@@ -111,14 +115,14 @@ class LiveObserver:
             self._check(time)
         self.time, self._later = time, None
         count = len(self._noise)
-        between, across = self._gains.at(self._samples)
+        between, variances, across = self._gains.at(self._samples)
         self._samples += 1
-        expected = between[:count, :count] + np.diag(self._noise**2)
+        expected = between[:, :count] + np.diag(self._noise**2)
         std = np.sqrt(np.diag(expected))
         innovation = values - self.quantities(self.state, time)[0, :count]
         # This is also false for a missing reading.
         used = np.flatnonzero(np.abs(innovation) < limits * std)
-        serial, variance, density = np.full(count, np.nan), np.diag(between).copy(), 0.0
+        serial, variance, density = np.full(count, np.nan), variances.copy(), 0.0
         if len(used):
             # The factor of the readings that are used: innovations given the earlier ones.
             factor = np.linalg.cholesky(expected[np.ix_(used, used)])
@@ -147,6 +151,7 @@ class LiveObserver:
         return learn_gains(
             self.march,
             self.quantities,
+            self._tapers,
             self._noise,
             self._climate,
             self._span,

@@ -64,6 +64,7 @@ def record(
         values,
         np.array([SIGMA]),
         operator,
+        np.ones((1, 3)),
     )
     return found, state
 
