@@ -80,6 +80,13 @@ class POD(nn.Module):
         fields = cells.reshape(*batch, len(self.scale), -1) * self.scale.to(dtype)[:, None]
         return fields.reshape(*batch, len(self.scale), *self.grid)
 
+    def left_out(self, states: Float[Tensor, "time field *grid"]) -> float:
+        """Return the RMS of what the modes cannot express of states, in std of each field."""
+        rest = (states - self.decode(self.encode(states))).transpose(0, 1).flatten(1)
+        std = states.transpose(0, 1).flatten(1).std(dim=1, correction=0)
+        varies = std > 0
+        return float((rest[varies] / std[varies, None]).square().mean().sqrt())
+
 
 def subset(samples: int, cells: int) -> Tensor:
     """Return the indices of the samples that give the modes, in order; the same in every run."""

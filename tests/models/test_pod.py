@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 import torch
 
@@ -101,3 +103,15 @@ def test_many_samples_of_many_cells_have_the_modes_of_some(monkeypatch):
     assert pod.modes.shape[0] == 3
     torch.testing.assert_close(pod.decode(pod.encode(states)), states, rtol=1e-6, atol=1e-6)
     assert torch.equal(pod.modes, POD.fit(states, 10).modes)
+
+
+def test_what_is_left_out_is_the_part_beyond_the_modes() -> None:
+    angle = torch.linspace(0, 2 * torch.pi, 65, dtype=torch.float64)[:-1]
+    amplitude = torch.linspace(-1, 1, 41, dtype=torch.float64)[:, None, None]
+    kept, rest = amplitude * torch.sin(angle), amplitude.square() * torch.sin(5 * angle)
+    pod = POD.fit(kept, 4)
+    assert pod.left_out(kept) < 1e-12
+    both = kept + 0.1 * rest
+    expected = 0.1 * rest.square().mean().sqrt() / both.std(correction=0)
+    assert pod.left_out(both) == pytest.approx(float(expected), rel=1e-9)
+    assert math.isnan(pod.left_out(torch.zeros_like(both)))

@@ -112,6 +112,10 @@ class Fit(HeldOut):
     `comparisons` tell whether held-out data support the law.
     `misfit_at_test_sensors` is the RMSE of the corrected simulator at each test sensor, in
     standard deviations of the residuals at the fitted sensors.
+    `outside_basis` is the RMS of what SHRED's modes cannot express of the corrected field, in
+    standard deviations of each field: no estimate of SHRED can err less. It is null if nothing
+    varies.
+
     `unconfirmed` tells why the explanation is not confirmed; null unless this is the verdict.
     """
 
@@ -130,6 +134,7 @@ class Fit(HeldOut):
     chi2: float | None
     unexplained: float | None
     misfit_at_test_sensors: dict[str, float] | None
+    outside_basis: NotRequired[float | None]
     unconfirmed: NotRequired[Doubt | None]
 
 

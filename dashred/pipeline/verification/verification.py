@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import torch
@@ -103,6 +104,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
         chi2=discovered.best.chi2,
         unexplained=left,
         misfit_at_test_sensors=misfits or None,
+        outside_basis=_outside_basis(problem, analysis) if is_told else None,
         unconfirmed=doubt,
         **held_out_errors(predictions),
     )
@@ -182,6 +184,16 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     )
     note_budget(findings, problem.budget)
     return add_text(findings, problem.system)
+
+
+def _outside_basis(problem: Problem, analysis: Analysis) -> float | None:
+    """Return what SHRED's modes cannot express of the corrected field; None if that is no number.
+
+    The corrected simulator stands for the real field, which nobody knows.
+    """
+    states = analysis.trajectories.states["corrected"][: len(problem.split.fit.times)]
+    share = analysis.network.shred.pod.left_out(states)
+    return share if math.isfinite(share) else None
 
 
 def unresolved_findings(problem: Problem, resolution: Resolution) -> Findings:

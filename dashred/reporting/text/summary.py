@@ -51,6 +51,7 @@ def summary(
         _errors(
             "Whole field, compared with the hidden truth", (score or {}).get("field_rmse") or {}
         ),
+        _basis(fit.get("outside_basis")),
         _proposals(findings["latent"]),
         _paths(paths),
     ]
@@ -130,6 +131,13 @@ def _compare(errors: Mapping[str, float | None]) -> Iterator[str]:
     else:
         word = "lowered" if change > 0 else "raised"
         yield f"  Assimilation {word} SHRED's error by {abs(change):.0%}.".replace("%", " %")
+
+
+def _basis(share: float | None) -> list[str]:
+    if share is None:
+        return []
+    rms = f"{share:.2g} standard deviations (RMS)"
+    return [f"The modes of SHRED cannot express {rms} of the corrected field."]
 
 
 def _proposals(latent: Mapping[str, Any]) -> list[str]:

@@ -10,7 +10,7 @@ from dashred.core.findings.fit_schema import Fit, errors_by_method
 from dashred.core.findings.input_schema import Input, Splits
 from dashred.core.findings.schema import Latent, LatentSindy, new_findings
 from dashred.reporting.page.html import page
-from dashred.reporting.text.summary import print_summary, summary
+from dashred.reporting.text.summary import _basis, print_summary, summary
 
 SPLITS = Splits(
     inputs=["a", "b", "c"],
@@ -150,3 +150,11 @@ def doubtful(error: float | None) -> Any:
     found["verdict"], found["causes"] = "missing-term", []
     found["fit"]["own_error"] = error
     return found
+
+
+def test_what_the_modes_cannot_express_is_told() -> None:
+    assert _basis(None) == []
+    [line] = _basis(0.0123)
+    assert line == (
+        "The modes of SHRED cannot express 0.012 standard deviations (RMS) of the corrected field."
+    )
