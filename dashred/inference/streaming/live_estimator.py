@@ -67,6 +67,10 @@ class LiveEstimator(Protocol):
         """Settings and the values of each that may be tried, in order."""
 
     @property
+    def description(self) -> str:
+        """The estimator and its settings in words."""
+
+    @property
     def mean(self) -> Array:
         """The estimated state at the points of the axes, ``(field, *point)``."""
 

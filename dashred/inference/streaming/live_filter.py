@@ -146,6 +146,16 @@ class LiveFilter:
         return self.quantities(later, self.time + span)[0]
 
     @property
+    def description(self) -> str:
+        """The filter and its settings in words."""
+        known = self.settings
+        radius = "" if math.isinf(known.radius) else f"localisation radius {known.radius:.3g}, "
+        return (
+            f"filter: {self._count} members, {radius}inflation {known.inflation:g}, additive part "
+            f"{known.additive:g}"
+        )
+
+    @property
     def mean(self) -> Array:
         """Mean state of the members at the points of the axes, ``(field, *point)``."""
         return self.members.mean(axis=0).reshape(len(self.system.fields), *self._shape)

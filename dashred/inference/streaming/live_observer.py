@@ -100,6 +100,11 @@ class LiveObserver:
         return [("additive", MODEL_ERRORS)]
 
     @property
+    def description(self) -> str:
+        """The observer and its settings in words."""
+        return f"observer: error of the simulator in a sample {self.settings.additive:g}"
+
+    @property
     def mean(self) -> Array:
         """The estimate at the points of the axes, ``(field, *point)``."""
         return self.state[0].reshape(len(self.system.fields), *self._shape)

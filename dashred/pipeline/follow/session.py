@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -13,9 +14,12 @@ import numpy as np
 
 from dashred.core.errors import InputError
 from dashred.data.sensors import Sensor
+from dashred.inference.observer.march import March
 from dashred.inference.streaming.calibration import Calibration, calibrate
+from dashred.inference.streaming.error_growth import error_growth
 from dashred.inference.streaming.live_estimator import LiveEstimator, LiveSettings
 from dashred.inference.streaming.live_filter import LiveFilter
+from dashred.inference.streaming.live_gains import SAMPLES
 from dashred.inference.streaming.live_observer import LiveObserver
 from dashred.inference.streaming.monitor import Monitor
 from dashred.inference.streaming.tracker import Alarm, Tracker
@@ -34,6 +38,9 @@ from dashred.pipeline.follow.words import alarm_text, calibration_text
 BLOCK, PATIENCE = 64, 0.2
 # Fewest samples before the charts begin.
 SETTLING = 20
+# If a small error grows by more than this factor over the samples from which an observer would
+# learn, the estimator is an ensemble filter with so many members.
+CHAOTIC_GROWTH, CHAOTIC_MEMBERS = 10.0, 40
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +75,7 @@ def follow(run: FinishedRun, settings: Settings) -> None:
         *parse_places(settings.at, run.system, run.sensors),
     )
     calibration = _calibrated(run, places, settings)
-    for line in calibration_text(calibration, run.names, settings.members):
+    for line in calibration_text(calibration, run.names):
         remarks.say(line)
     if run.faulty:
         remarks.say(f"left out, because the run found them faulty: {', '.join(run.faulty)}")
@@ -102,11 +109,16 @@ def _calibrated(run: FinishedRun, places: Sequence[Sensor], settings: Settings) 
 
 
 def _estimator(run: FinishedRun, places: Sequence[Sensor], settings: Settings) -> LiveEstimator:
-    """Return an ensemble filter if its members are stated, else an observer."""
+    """Return an observer; or an ensemble filter, if it is asked for or the system is chaotic."""
     known = run.system, run.sensors, places, run.noise, run.climate
-    if settings.members is None:
+    members = settings.members
+    if members is None:
+        growth = error_growth(March(run.system), run.climate, run.step, SAMPLES, settings.seed)
+        # The mean gain of an observer lets errors grow at times, and its innovations are not white.
+        members = CHAOTIC_MEMBERS if growth > math.log(CHAOTIC_GROWTH) else None
+    if members is None:
         return LiveObserver(*known, run.step, LiveSettings(), settings.seed)
-    return LiveFilter(*known, settings.members, LiveSettings(), settings.seed)
+    return LiveFilter(*known, members, LiveSettings(), settings.seed)
 
 
 class _Session:

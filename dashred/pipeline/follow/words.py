@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -48,24 +47,10 @@ def alarm_text(alarm: Alarm, names: Sequence[str], is_at_begin: bool) -> str:
     )
 
 
-def calibration_text(
-    calibration: Calibration, names: Sequence[str], members: int | None
-) -> list[str]:
-    """Return lines on the estimator, and on what its innovations were in the recording.
-
-    Args:
-        calibration: the estimator after the recording.
-        names: of the sensors.
-        members: of an ensemble filter; None for an observer.
-    """
-    settings, white = calibration.filter.settings, calibration.innovations
-    radius = "" if math.isinf(settings.radius) else f"localisation radius {settings.radius:.3g}, "
-    if members is None:
-        kind = f"observer: error of the simulator in a sample {settings.additive:g}"
-    else:
-        kind = f"filter: {members} members, {radius}inflation {settings.inflation:g}, additive "
-        kind += f"part {settings.additive:g}"
-    lines = [f"{kind}; chosen on the recording of the run"]
+def calibration_text(calibration: Calibration, names: Sequence[str]) -> list[str]:
+    """Return lines on the estimator, and on what its innovations were in the recording."""
+    white = calibration.innovations
+    lines = [f"{calibration.filter.description}; chosen on the recording of the run"]
     needed = np.flatnonzero(white.is_needed).tolist()
     if needed:
         shown = [
