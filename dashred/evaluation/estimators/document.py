@@ -51,6 +51,7 @@ def _line(row: Row) -> list[str]:
         f"{100 * row['noise']:g} %",
         row["problem"] or row["verdict"] or "",
         {True: "exact", False: "not exact", None: "no law"}[row["exact"]],
+        row["filter_settings"],
         _text(row["filter"]),
         _text(row["shred"]),
         _ratio(row, "shred"),

@@ -20,7 +20,7 @@ from dashred.core.errors import InputError, run_entry
 from dashred.data.io.reader import read_episodes
 from dashred.models.lag_windows import windows
 from dashred.models.shred import reconstruct
-from dashred.pipeline.follow import command
+from dashred.pipeline.follow import command, session
 from tests.conftest import CHECKOUT
 from tests.support import finished, streams
 
@@ -72,6 +72,30 @@ def test_a_stream_gives_a_row_for_every_sample(run: Path, tmp_path: Path, capfd)
 def noise(samples: int, seed: int) -> np.ndarray:
     """Return the noise of :func:`tests.support.streams.readings`."""
     return streams.SIGMA * np.random.default_rng(seed).standard_normal((samples, 2))
+
+
+@pytest.mark.parametrize(
+    ("growth", "words", "told"),
+    [
+        (0.0, [], "observer: error of the simulator in a sample 0.001"),
+        (5.0, [], "filter: 40 members"),
+        (0.0, ["members=12"], "filter: 12 members"),
+    ],
+)
+def test_a_chaotic_system_has_an_ensemble_filter(
+    run: Path,
+    tmp_path: Path,
+    capfd,
+    monkeypatch: pytest.MonkeyPatch,
+    growth: float,
+    words: list[str],
+    told: str,
+) -> None:
+    monkeypatch.setattr(session, "error_growth", lambda *_: growth)
+    path = finished.write_stream(tmp_path / "s.csv", *stream(30))
+    known = [f"run={run}", f"source={path}", f"output={tmp_path / 'o.csv'}", "idle=0"]
+    assert command.main([*known, *words]) == 0
+    assert told in capfd.readouterr().err
 
 
 def test_an_alarm_names_the_sensor_and_leaves_a_recording(
