@@ -55,7 +55,7 @@ def observe_episodes(
     Returns:
         The estimate of each episode and its standard deviation, ``(time, field, *grid)`` both.
         Empty for a program, whose steps would take too long, if there is an episode without
-        simulations, and if these do not stay within bounds.
+        simulations, and if these or the estimates do not stay within bounds.
 
     Raises:
         OutOfTimeError: there was no time for it.
@@ -85,6 +85,9 @@ def observe_episodes(
         records = [_record(each, law, members) for each in drawn]
         seed = [problem.config.seed, *STAGE.encode()]
         found = observe(records, seed, problem.deadline(STAGE))
+        if not all(np.isfinite(each.states).all() for each in found):
+            report(1.0, "the estimates blow up")
+            return []
         seconds[STEP] = records[0].seconds_per_step(found[0].states[:1])
         model_error = found[0].model_error
         told = f"{members} simulations"
