@@ -14,6 +14,11 @@ from dashred.data.sensors import Sensor
 
 Array = NDArray[np.float64]
 
+# A first state is one of the climate, changed by this share of a difference of two others.
+MIXING = 0.2
+# A state farther from the mean of the climate than this multiple of its range may be blowing up.
+FAR = 10.0
+
 
 @dataclass(frozen=True)
 class LiveSettings:

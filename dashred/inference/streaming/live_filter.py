@@ -23,17 +23,12 @@ from dashred.inference.initial_state.ensemble_filter import (
 )
 from dashred.inference.observer.localisation import sensor_tapers
 from dashred.inference.observer.march import March, points_of
-from dashred.inference.streaming.live_estimator import Analysed, LiveSettings
+from dashred.inference.streaming.live_estimator import FAR, MIXING, Analysed, LiveSettings
 from dashred.inference.streaming.readout import Readout
 from dashred.inference.streaming.serial_analysis import analyse, inflate
 from dashred.physics.system import System
 
 Array = NDArray[np.float64]
-
-# A first member is a state of the climate, changed by this share of a difference of two others.
-MIXING = 0.2
-# A state farther from the mean of the climate than this multiple of its range may be blowing up.
-FAR = 10.0
 
 
 # Radii that are tried, as shares of the shortest axis.
@@ -111,14 +106,7 @@ class LiveFilter:
         self.members, self.time = one + MIXING * self._differences(), math.nan
 
     def step(self, time: float, span: float, values: Array, limits: Array) -> Analysed:
-        """Run the members to a sample and assimilate it.
-
-        Args:
-            time: of the sample.
-            span: time since the last sample; it is ignored at the first one.
-            values: readings of the sensors, ``(sensor,)``; NaN where missing.
-            limits: largest innovation of each sensor that is assimilated, in standard deviations,
-                ``(sensor,)``; 0 leaves a sensor out.
+        """Run the members to a sample and assimilate it; see :class:`.LiveEstimator`.
 
         Raises:
             FilterLostError: more than half of the members blow up.

@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from dashred.inference.observer.march import March
 from dashred.inference.observer.observe import covariances
 from dashred.inference.observer.simulated_errors import ObservedRecord, SimulatedErrors
+from dashred.inference.streaming.live_estimator import MIXING
 from dashred.inference.streaming.readout import Readout
 
 Array = NDArray[np.float64]
 
 # Number of simulations, and of samples of each. The gain of the last half is steady.
 SIMULATIONS, SAMPLES = 128, 120
-# A first state is one of the climate, changed by this share of a difference of two others.
-MIXING = 0.2
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from dashred.data.sensors import Sensor
 from dashred.inference.initial_state.ensemble_filter import FilterLostError
 from dashred.inference.observer.localisation import radius_for, sensor_tapers
 from dashred.inference.observer.march import March, points_of
-from dashred.inference.streaming.live_estimator import Analysed, LiveSettings
+from dashred.inference.streaming.live_estimator import FAR, Analysed, LiveSettings
 from dashred.inference.streaming.live_gains import SIMULATIONS, LiveGains, learn_gains
 from dashred.inference.streaming.readout import Readout
 from dashred.physics.system import System
@@ -27,8 +27,6 @@ Array = NDArray[np.float64]
 # Errors of the simulator in an interval between samples that are tried. With none, the observer
 # would no longer listen after a long time.
 MODEL_ERRORS = (1e-3, 1e-2)
-# A state farther from the mean of the climate than this multiple of its range has blown up.
-FAR = 10.0
 
 
 class LiveObserver:
@@ -71,7 +69,7 @@ class LiveObserver:
         radius = radius_for(system, len(self.sensors), SIMULATIONS)
         self._tapers = sensor_tapers(system, self.sensors, quantities, radius)
         self._shape = points_of(system)
-        self._range = np.ptp(climate, axis=0).max()
+        self._mean, self._range = climate.mean(axis=0), np.ptp(climate, axis=0).max()
         self._gains = self._learnt()
         self.begin()
 
@@ -90,7 +88,7 @@ class LiveObserver:
 
     def begin(self) -> None:
         """Begin at the mean of the climate."""
-        self.state, self.time = self._climate.mean(axis=0, keepdims=True), math.nan
+        self.state, self.time = self._mean[None], math.nan
         self._samples = 0
         self._later: tuple[float, Array] | None = None
 
@@ -165,6 +163,6 @@ class LiveObserver:
         )
 
     def _check(self, time: float) -> None:
-        farthest = np.abs(self.state - self._climate.mean(axis=0)).max()
+        farthest = np.abs(self.state - self._mean).max()
         if not farthest <= FAR * self._range:
             raise FilterLostError(f"the estimate has blown up at t = {time:g}")
