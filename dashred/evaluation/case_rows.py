@@ -135,14 +135,14 @@ def run_cases(
     with lock_folder(output, benchmark), signals_as_interrupt():
         cases = cases_of(request)
         waiting = [case for case in cases if not is_done(output, case)]
-        say_row(f"{len(cases)} rows, {len(cases) - len(waiting)} of them done, in {output}")
+        _say(f"{len(cases)} rows, {len(cases) - len(waiting)} of them done, in {output}")
         for case in waiting:
             row = run_case(case)
             write_json_atomic(_path(output, case), row)
-            say_row(f"{case.name}: {told(row)}")
+            _say(f"{case.name}: {told(row)}")
 
 
-def say_row(text: str) -> None:
+def _say(text: str) -> None:
     """Print one line as it is."""
     CONSOLE.print(text, markup=False, soft_wrap=True)
 

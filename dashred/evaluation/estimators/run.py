@@ -20,7 +20,7 @@ from dashred.evaluation.isolation.analysis import FOUND, GIVEN, Analysis, analys
 from dashred.evaluation.twins.findings_reader import read_findings
 from dashred.evaluation.twins.record_command import record
 from dashred.evaluation.twins.score_command import load_fields, true_states
-from dashred.evaluation.twins.scoring import rmse, scaled_errors, score_law
+from dashred.evaluation.twins.scoring import field_scale, rmse, scaled_errors, score_law
 from dashred.evaluation.twins.sealing import open_seal
 from dashred.pipeline.observer import STEP
 from dashred.pipeline.verification.findings_files import SPREAD
@@ -96,8 +96,7 @@ def _scores(sealed: Path, found: Path, filtered: Array | None) -> Row:
         exact=exact,
         shred=_errors(errors["corrected_shred"]),
     )
-    std = true.swapaxes(0, 1).reshape(len(fields), -1).std(axis=1)
-    scale = np.where(std > 0, std, 1.0).reshape(-1, *(1,) * (true.ndim - 2))
+    scale = field_scale(true)
     if filtered is not None:
         scores["filter"] = _errors((filtered - true) / scale)
     if "observer" in errors:

@@ -101,13 +101,18 @@ def scaled_errors(
     estimates: xr.Dataset, real: np.ndarray, fields: Sequence[str]
 ) -> dict[str, np.ndarray]:
     """Return the errors by method, ``(time, field, *grid)``, in std of each true field."""
-    std = real.swapaxes(0, 1).reshape(len(fields), -1).std(axis=1)
-    scale = np.where(std > 0, std, 1.0).reshape(-1, *(1,) * (real.ndim - 2))
+    scale = field_scale(real)
     errors = {}
     for method in estimates["method"].values.tolist():
         chosen = estimates.sel({"method": method})
         errors[method] = (np.stack([chosen[f].values for f in fields], axis=1) - real) / scale
     return errors
+
+
+def field_scale(real: np.ndarray) -> np.ndarray:
+    """Return the std of each field of ``(time, field, *grid)``; 1 where it is zero."""
+    std = real.swapaxes(0, 1).reshape(real.shape[1], -1).std(axis=1)
+    return np.where(std > 0, std, 1.0).reshape(-1, *(1,) * (real.ndim - 2))
 
 
 def rmse(error: np.ndarray) -> float:
