@@ -35,7 +35,7 @@ EVIDENCE = {
         "dashred.evaluation.compare", "run a bench and other methods on the same data"
     ),
     "prove": Entry("dashred.evaluation.prove", "analyse random cases with hidden truths"),
-    "evaluate": Entry("dashred.evaluation.evaluate", "foreign truths, hidden programs, estimators"),
+    "evaluate": Entry("dashred.evaluation.evaluate", "foreign truths, and tables of single parts"),
     "publish": Entry("dashred.evaluation.publish", "publish cases without their truths"),
     "record": Entry("dashred.evaluation.twins.record_command", "record a twin with a hidden truth"),
     "score": Entry("dashred.evaluation.twins.score_command", "score findings against the truth"),

@@ -2,8 +2,9 @@
 
 `foreign` has truths of other solvers. The cases follow from the hash of a tagged commit. Each is
 analysed by a process without access to its truth, frozen and scored, and stored as one row. The
-page is written from all rows. `programs` analyses the bundled systems behind a function, and
-`estimators` compares the estimators for real time with a filter on the true law.
+page is written from all rows. `programs` analyses the bundled systems behind a function,
+`estimators` compares the estimators for real time with a filter on the true law, and `networks`
+compares the assimilation with dynamics with SHRED.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from dashred.core.errors import DONE, OUR_FAILURE
 
 def main(argv: list[str]) -> int:
     """Run a benchmark, or write its page."""
-    others = {"programs": _programs, "estimators": _estimators}
+    others = {"programs": _programs, "estimators": _estimators, "networks": _networks}
     return others.get(argv[0] if argv else "", _foreign)(argv)
 
 
@@ -46,6 +47,22 @@ def _estimators(argv: list[str]) -> int:
     from dashred.evaluation.estimators.run import run_estimators
 
     run_estimators(request)
+    return DONE
+
+
+def _networks(argv: list[str]) -> int:
+    """Run the rows that are not done, or write the page."""
+    from dashred.evaluation.networks.arguments import read_words
+
+    request = read_words(argv)
+    if request.action == "document":
+        from dashred.evaluation.networks.document import write_document
+
+        write_document(request)
+        return DONE
+    from dashred.evaluation.networks.run import run_networks
+
+    run_networks(request)
     return DONE
 
 

@@ -169,7 +169,7 @@ def read_words(argv: list[str]) -> Request:
     if HELP_FLAGS & set(argv):
         COMMAND.read(["--help"])
     benchmark, action, *rest = [*argv, "", ""][: max(2, len(argv))]
-    _check_choice("benchmark", benchmark, (BENCHMARK, "programs", "estimators"))
+    _check_choice("benchmark", benchmark, (BENCHMARK, "programs", "estimators", "networks"))
     _check_choice("action", action, ACTIONS)
     words = COMMAND.read(rest)
     check_checkout("the evaluation is run")

@@ -1,0 +1,1 @@
+"""The networks alone: SHRED and its assimilation, with each part switched off."""
