@@ -15,7 +15,7 @@ from dashred.inference.latent_sindy.field_regression import field_regression
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.inference.latent_sindy.sparse_regression import SparseFit, sparse_fit
 from dashred.inference.latent_sindy.step_sensitivities import SimulatorSteps
-from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation
+from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation, Fitted
 
 NAME = "dynamics"
 # Columns that a regression may simulate, in values of the state.
@@ -27,7 +27,8 @@ class LawRegression(Callback):
 
     It sets the support of the law that the network learns, and the initial values of its
     coefficients. A term that the next regression does not choose is left out again. While the steps
-    of the field do not fit the law that it has, the law is kept.
+    of the field do not fit the law that it has, the law is kept. If they fit the smallest q and the
+    terms stay the same, the fit has come to its end.
 
     Attributes:
         history: coefficients ``(term,)`` by epoch; those of the epochs that latent SINDy logs.
@@ -50,15 +51,20 @@ class LawRegression(Callback):
         found = self._regress(pl_module, bootstraps=0)
         # The errors of a field that is still far from its law would be told as more terms.
         if pl_module.steps_fit or not pl_module.dynamics.support.any():
+            before = pl_module.dynamics.support.clone()
             pl_module.dynamics.set_law(torch.from_numpy(found.coefficients))
+            if pl_module.is_settled and torch.equal(pl_module.dynamics.support, before):
+                trainer.should_stop = True
         epoch = trainer.current_epoch + 1
         if epoch % self.problem.settings.every == 0:
             self.child(self._note(found), epoch)
 
     def finish(
         self, module: DynamicAssimilation, batch: tuple[Tensor, Tensor], epoch: int
-    ) -> SparseFit:
+    ) -> tuple[SparseFit, Fitted | None]:
         """Return the proposal for the final state, without the terms that it can do without.
+
+        The minimum with this law is returned beside it, if the steps fit.
 
         Args:
             module: the assimilation, with its best state.
@@ -66,11 +72,12 @@ class LawRegression(Callback):
             epoch: number of the last point of the curves.
         """
         found = self._regress(module, self.problem.settings.bootstraps)
-        final = found.reduced(simplest_law(module, batch, self._blocks(module), found.coefficients))
+        law, fitted = simplest_law(module, batch, self._blocks(module), found.coefficients)
+        final = found.reduced(law)
         metrics = self._note(final)
         self.child(metrics, epoch)
         self.parent(metrics, epoch)
-        return final
+        return final, fitted
 
     def _regress(self, module: DynamicAssimilation, bootstraps: int) -> SparseFit:
         rng = np.random.default_rng([self.problem.seed, 0xD1A])

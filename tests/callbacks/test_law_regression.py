@@ -81,6 +81,17 @@ def test_a_law_that_the_steps_do_not_fit_is_kept(callback, module, fits, kept):
     assert torch.allclose(law(module), wrong) == kept
 
 
+@pytest.mark.parametrize(("settled", "same"), [(True, True), (True, False), (False, True)])
+def test_it_ends_the_fit_when_the_law_stays_and_the_steps_fit(callback, module, settled, same):
+    trainer = Trainer(logger=False, accelerator="cpu")
+    if same:
+        callback.on_train_epoch_end(trainer, module)
+    module.steps_fit = True
+    module.least_error = module._error if settled else 1e-3
+    callback.on_train_epoch_end(trainer, module)
+    assert trainer.should_stop == (settled and same)
+
+
 def test_the_same_field_is_simulated_once(callback, module, data, monkeypatch):
     runs: list[int] = []
     forecasts = SimulatorSteps.forecasts
@@ -91,6 +102,6 @@ def test_the_same_field_is_simulated_once(callback, module, data, monkeypatch):
 
     monkeypatch.setattr(SimulatorSteps, "forecasts", counted)
     callback.on_train_epoch_end(Trainer(logger=False, accelerator="cpu"), module)
-    final = callback.finish(module, (data.windows, data.fitted), 2)
+    final, _ = callback.finish(module, (data.windows, data.fitted), 2)
     assert len(runs) == 1
     assert callback.history[-1] == final.coefficients.tolist()

@@ -8,6 +8,9 @@ from torch import Tensor, nn
 
 from dashred.models.dynamics.whitening import Whitening
 
+# Ridge of the last layer, as a share of the mean square of a hidden unit.
+RIDGE = 1e-8
+
 
 class AdaptedDecoder(nn.Module):
     """``F(h) + A(h)``: the frozen decoder F, and a small network A initialised to zero.
@@ -35,3 +38,22 @@ class AdaptedDecoder(nn.Module):
     def forward(self, latent: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch mode"]:
         """Return ``F(h) + A(h)``."""
         return torch.add(self.frozen(latent), self.adapter(latent))
+
+    @torch.no_grad()
+    def solve(
+        self, latent: Float[Tensor, "batch latent"], target: Float[Tensor, "batch mode"]
+    ) -> None:
+        """Set the last layer of A so that ``F(h) + A(h)`` comes nearest to a target.
+
+        A ridge keeps the weights small where few samples leave them free.
+        """
+        *hidden, last = self.adapter
+        assert isinstance(last, nn.Linear)
+        features = nn.Sequential(*hidden)(latent).double()
+        features = torch.cat([features, torch.ones_like(features[:, :1])], dim=1)
+        rest = (target - self.frozen(latent)).double()
+        gram = features.T @ features
+        ridge = RIDGE * float(gram.diagonal().mean()) * torch.eye(len(gram), dtype=gram.dtype)
+        found = torch.linalg.solve(gram + ridge, features.T @ rest)
+        last.weight.copy_(found[:-1].T)
+        last.bias.copy_(found[-1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass, replace
 
 import lightning
@@ -22,7 +23,7 @@ from dashred.core.tracking import RunTracker
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.models.assimilation import AssimilatedEncoder
-from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation
+from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation, Fitted
 from dashred.models.shred import reconstruct
 from dashred.physics.runs.ensemble import term_scales
 from dashred.pipeline.networks.assimilation_plan import dynamic_plan, plain_plan
@@ -33,6 +34,8 @@ from dashred.pipeline.simulation.program_cost import follows_segments
 from datamodules import EpisodesDataModule, RecordingDataModule
 
 METRIC = "rmse/sensors_validate"
+# With dynamics, the validation error of the final state over the lowest one of an epoch, at most.
+FINAL_MARGIN = 1.5
 
 
 @dataclass(frozen=True)
@@ -96,7 +99,8 @@ def assimilate(
         run: tracker of the parent run.
         seconds: run time by stage, updated.
     """
-    return fit_transform(problem, _latent_problem(problem, nominal), network, run, seconds)[0]
+    latent, simulated = _latent_problem(problem, nominal), nominal.references[0]
+    return fit_transform(problem, latent, network, run, seconds, simulated)[0]
 
 
 def fit_transform(
@@ -105,6 +109,7 @@ def fit_transform(
     network: TrainedNetwork,
     run: RunTracker,
     seconds: dict[str, float],
+    simulated: Tensor | None = None,
 ) -> tuple[AssimilationResult, AssimilatedEncoder]:
     """Fit the latent transform with a given problem of latent SINDy.
 
@@ -114,6 +119,7 @@ def fit_transform(
         network: trained on the simulation; it is not changed.
         run: tracker of the parent run.
         seconds: run time by stage, updated.
+        simulated: states of the simulation, ``(time, field, *grid)``; dynamics need them.
 
     Returns:
         The result, and the encoder G_R: SHRED followed by the latent transform.
@@ -122,7 +128,9 @@ def fit_transform(
     data = sensor_data(problem)
     lightning.seed_everything(problem.config.seed + 1, verbose=False)
     if settings.dynamics:
-        plan = dynamic_plan(problem, latent, network, data, deadline)
+        assert simulated is not None
+        simulated = simulated[: len(latent.times)]
+        plan = dynamic_plan(problem, latent, network, data, simulated, deadline)
     else:
         plan = plain_plan(problem, network.shred, data)
     module, place = plan.module, plan.place
@@ -150,14 +158,17 @@ def fit_transform(
             ],
             max_epochs=plan.epochs,
         )
-        module = module.cpu()
+        module, best_epoch = module.cpu(), best.best_epoch
         proposals = discovery.finish(module) if proposes else {}
         coefficients = dict(discovery.history)
         if law is not None:
             assert isinstance(module, DynamicAssimilation)
-            proposals[NAME] = law.finish(module, (data.windows, data.fitted), discovery.epochs[-1])
+            last = discovery.epochs[-1]
+            proposals[NAME], fitted = law.finish(module, (data.windows, data.fitted), last)
             coefficients[NAME] = law.history
-        report(1.0, f"best after {best.best_epoch} epochs, RMSE {best.best:.3f} on validation")
+            if fitted is not None and _is_confirmed(module, fitted, data, best_epoch):
+                best_epoch = last
+        report(1.0, f"best after {best_epoch} epochs, RMSE {best.best:.3f} on validation")
     if not proposes:
         problem.budget.leave_out("latent SINDy")
     if limit.ended_at is not None:
@@ -169,7 +180,7 @@ def fit_transform(
     result = AssimilationResult(
         first,
         assimilated,
-        best.best_epoch,
+        best_epoch,
         proposals,
         discovery.epochs,
         coefficients,
@@ -177,6 +188,25 @@ def fit_transform(
         tuple(others),
     )
     return result, module.encoder
+
+
+def _is_confirmed(
+    module: DynamicAssimilation, fitted: Fitted, data: RecordingDataModule, best_epoch: int
+) -> bool:
+    """Take the minimum with the final law, unless the validation readings contradict it.
+
+    The lowest error of some epochs is low by chance, too, so that the final one may be a little
+    higher. Where no epoch was better than SHRED, it has to be lower.
+    """
+    limit = module.validation_error(data.windows, data.validated)
+    if best_epoch > 0:
+        limit *= FINAL_MARGIN
+    state = copy.deepcopy(module.state_dict())
+    module.take(data.windows, fitted)
+    if module.validation_error(data.windows, data.validated) < limit:
+        return True
+    module.load_state_dict(state)
+    return False
 
 
 def _latent_problem(problem: Problem, nominal: NominalRun) -> LatentProblem:

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 
 import torch
 from lightning import LightningDataModule
+from torch import Tensor
 
 from dashred.core.budget import Deadline
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.models.assimilation import Assimilation, AssimilationSensors
-from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation
+from dashred.models.dynamics.basis_error import basis_error
+from dashred.models.dynamics.dynamic_assimilation import LEAST_ERROR, DynamicAssimilation
 from dashred.models.dynamics.sampled_dynamics import EpisodeSteps, SampledDynamics
 from dashred.models.shred import SHRED
 from dashred.physics.solvers.sample_step import SampleStep
@@ -21,8 +23,8 @@ from dashred.pipeline.networks.training import TrainedNetwork
 from dashred.pipeline.problem import Problem
 from datamodules import RecordingDataModule, WholeRecordingDataModule
 
-# Epochs with dynamics, each a fit by L-BFGS, and the least width of the networks that are fitted.
-DYNAMIC_EPOCHS, DYNAMIC_WIDTH = 6, 256
+# Epochs with dynamics, each a minimisation, and the least width of the networks that are fitted.
+DYNAMIC_EPOCHS, DYNAMIC_WIDTH = 8, 256
 # The lowest validation error of a few epochs is hardly chance, and the steps of the simulator
 # confirm it: any decrease counts.
 DYNAMIC_GAIN = 0.0
@@ -70,18 +72,23 @@ def dynamic_plan(
     latent: LatentProblem,
     network: TrainedNetwork,
     data: RecordingDataModule,
+    simulated: Tensor,
     deadline: Deadline,
 ) -> AssimilationPlan:
     """Return the assimilation with dynamics. It is fitted in this process, on the CPU.
+
+    What the basis of the network cannot express of a simulation is part of the errors of the
+    sensors, and the steps are not asked to fit better than that, or than their numerical error.
 
     Args:
         problem: settings and recording.
         latent: problem of latent SINDy, for the scales of the terms.
         network: trained on the simulation; it is not changed.
         data: the recording.
+        simulated: states of the simulation at the samples of the first episode.
         deadline: when the fit ends.
     """
-    system = problem.ensemble_system
+    system, sensors = problem.ensemble_system, _sensors(problem)
     episodes, first = [], 0
     for episode in problem.episodes:
         times = torch.as_tensor(episode.split.fit.times, dtype=torch.float64)
@@ -96,14 +103,18 @@ def dynamic_plan(
         network.shred.pod.modes.shape[1],
     )
     settings, validation = problem.config.assimilation, problem.split.validation
+    accurate = SampleStep(problem.system, float(episodes[0].times.diff().max()))
+    unexpressed = basis_error(network.shred.pod, sensors.fit, dynamics, accurate, simulated)
+    sensors.noise = torch.hypot(sensors.noise, unexpressed.readings.to(sensors.noise))
     module = DynamicAssimilation(
         copy.deepcopy(network.shred),
-        _sensors(problem),
+        sensors,
         max(settings.width, DYNAMIC_WIDTH),
         settings.penalty,
         windows=data.windows,
         background=torch.tensor([network.test_rmse[name] for name in system.fields]),
         dynamics=dynamics,
+        least_error=max(LEAST_ERROR, unexpressed.step),
         adapter=settings.adapter,
         is_over=lambda: deadline.is_over,
     )

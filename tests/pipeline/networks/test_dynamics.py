@@ -31,9 +31,10 @@ def test_the_errors_of_every_part_and_the_law_are_logged(
     configured: Configured, found: Networks
 ) -> None:
     curves = found.assimilated.curves
-    parts = ("train", "misfit", "forecast_misfit", "step_error", "background", "transform", "law")
-    for part in parts:
-        assert [epoch for epoch, _ in curves[f"loss/{part}"]] == found.assimilated.epochs[:-1]
+    epochs = found.assimilated.epochs[:-1]
+    for part in ("train", "misfit", "forecast_misfit", "step_error", "background", "law"):
+        assert [epoch for epoch, _ in curves[f"loss/{part}"]] == epochs
+    assert [epoch for epoch, _ in curves["loss/network_error"]] == epochs[1:]
     assert len(found.assimilated.epochs) <= DYNAMIC_EPOCHS + 1
     history = found.assimilated.coefficients["dynamics"]
     assert len(history) == len(found.assimilated.epochs)

@@ -1,0 +1,57 @@
+"""Minimise the loss of an assimilation with dynamics over the states and the law."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from torch.linalg import LinAlgError  # type: ignore[attr-defined]
+
+from dashred.models.dynamics.weak_constraint import Residuals, Unknowns, WeakConstraint
+
+# Linearisations at most; the relative decrease of the loss that ends the iteration.
+ITERATIONS, TOLERANCE = 10, 3e-3
+# First damping, its factor after a step that fails, and the number of steps that may fail.
+DAMPING, FACTOR, TRIALS = 1e-3, 10.0, 6
+
+
+def minimise(
+    problem: WeakConstraint,
+    start: Unknowns,
+    error: float,
+    weight: float,
+    is_over: Callable[[], bool],
+) -> tuple[Unknowns, Residuals]:
+    """Return the minimum and its residuals, by Gauss–Newton steps with damping.
+
+    This is the incremental form of weak-constraint 4D-Var (Courtier, Thépaut & Hollingsworth, Q. J.
+    R. Meteorol. Soc. 120, 1994). Every step solves the linearised problem for all samples at once.
+
+    Args:
+        problem: the loss.
+        start: where the iteration begins.
+        error: q, in std of a field.
+        weight: of the background.
+        is_over: whether the time is up.
+    """
+    at, found, damping = start, problem.residuals(start, error, weight), DAMPING
+    for _ in range(ITERATIONS):
+        if is_over():
+            break
+        equations = problem.equations(at, error, weight)
+        before = found.cost
+        for _ in range(TRIALS):
+            try:
+                states, law = equations.solve(damping)
+            except LinAlgError:
+                damping *= FACTOR
+                continue
+            moved = Unknowns(at.states + states, at.law + law)
+            there = problem.residuals(moved, error, weight)
+            # Written so that a simulator that blows up counts as a failure.
+            if there.cost < before:
+                at, found, damping = moved, there, damping / FACTOR
+                break
+            damping *= FACTOR
+        if not found.cost < (1 - TOLERANCE) * before:
+            break
+    return at, found

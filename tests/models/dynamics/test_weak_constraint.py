@@ -1,0 +1,153 @@
+"""The loss over states: that of the networks, its derivatives, and its minimum."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+from torch import Tensor
+
+from dashred.models.dynamics.dynamic_assimilation import FIRST_ERROR
+from dashred.models.dynamics.gauss_newton import minimise
+from dashred.models.dynamics.network_fit import LAW_PENALTY
+from dashred.models.dynamics.sampled_dynamics import EpisodeSteps
+from dashred.models.dynamics.weak_constraint import Unknowns, WeakConstraint
+from dashred.physics.solvers.sample_step import SampleStep
+from tests import ring
+from tests.models.dynamics.test_dynamic_assimilation import (
+    data,
+    losses,
+    make,
+    real,
+    short,
+    shred,
+    system,
+)
+
+__all__ = ["data", "real", "short", "shred", "system"]
+
+LAW = torch.tensor([0, -0.1, 0, 0, 0.02, 0, 0, 0]).double()
+
+
+def problem_of(module, readings: Tensor) -> tuple[WeakConstraint, Unknowns]:
+    """Return the loss of a module over states, and the states of its networks."""
+    problem = WeakConstraint(
+        module.dynamics,
+        module.shred.pod,
+        module.shred.spread,
+        module.sensors.fit,
+        module.sensors.noise,
+        readings,
+        module._guess,
+        module.background,
+        LAW_PENALTY,
+    )
+    return problem, Unknowns(module._guess.double(), module.dynamics.fitted)
+
+
+def changed(at: Unknowns, along: Unknowns, length: float) -> Unknowns:
+    return Unknowns(at.states + length * along.states, at.law + length * along.law)
+
+
+def direction(at: Unknowns) -> Unknowns:
+    rng = torch.Generator().manual_seed(1)
+    parts = (torch.randn(v.shape, generator=rng, dtype=torch.float64) for v in vars(at).values())
+    return Unknowns(*parts)
+
+
+def test_it_is_the_loss_of_the_networks_times_the_number_of_readings(system, shred, data):
+    data.fitted[3:9, 0] = torch.nan
+    module = make(system, shred, data)
+    module.dynamics.set_law(LAW)
+    problem, at = problem_of(module, data.fitted)
+    found, expected = problem.residuals(at, FIRST_ERROR, 1.0), losses(module, data)
+    assert found.cost == pytest.approx(problem.count * float(expected["train"]), rel=1e-4)
+    parts = {"misfit": "misfit", "forecast_misfit": "forecast_misfit", "step": "step_error"}
+    for own, name in parts.items():
+        value = float(getattr(found, own).square().sum()) / problem.count
+        assert value == pytest.approx(float(expected[name]), rel=1e-4)
+
+
+@pytest.mark.parametrize("episodes", [1, 2])
+def test_the_equations_are_those_of_the_linearised_residuals(system, shred, data, episodes):
+    data.fitted[3:9, 0] = torch.nan
+    module = make(system, shred, data)
+    if episodes == 2:
+        half = len(ring.TIMES) // 2
+        parts = ((ring.TIMES[:half], 0), (ring.TIMES[half:], half))
+        module.dynamics.episodes = tuple(
+            EpisodeSteps(SampleStep(system, 0.1), times, first) for times, first in parts
+        )
+    module.dynamics.set_law(LAW)
+    problem, at = problem_of(module, data.fitted)
+    along, small = direction(at), 1e-5
+    there, back = (
+        problem.residuals(changed(at, along, h), FIRST_ERROR, 0.3) for h in (small, -small)
+    )
+    own, equations = (
+        problem.residuals(at, FIRST_ERROR, 0.3),
+        problem.equations(at, FIRST_ERROR, 0.3),
+    )
+    slopes = {name: (vars(there)[name] - vars(back)[name]) / (2 * small) for name in vars(own)}
+    gradient = sum(float((slopes[name] * vars(own)[name]).sum()) for name in slopes)
+    x, z = along.states, along.law
+    found = float((equations.gradient * x).sum() + (equations.common_gradient * z).sum())
+    assert found == pytest.approx(gradient, rel=1e-5)
+    square = sum(float(slope.square().sum()) for slope in slopes.values())
+    across = (equations.coupling @ x[:-1, :, None])[..., 0]
+    curvature = (
+        (x[:, None] @ equations.diagonal @ x[..., None]).sum()
+        + 2 * (x[1:] * across).sum()
+        + 2 * (x * (equations.border @ z)).sum()
+        + z @ equations.corner @ z
+    )
+    assert float(curvature) == pytest.approx(square, rel=1e-5)
+    if episodes == 2:
+        assert not equations.coupling[half - 1].any()
+
+
+def test_one_step_solves_a_linear_problem(system, shred, data):
+    module = make(system, shred, data)
+    problem, at = problem_of(module, data.fitted)
+    states, _ = problem.equations(at, 0.03, 0.1).solve(0.0)
+    solved = Unknowns(at.states + states, at.law)
+    equations = problem.equations(solved, 0.03, 0.1)
+    assert float(equations.gradient.abs().max()) < 1e-4 * float(states.abs().max())
+    found, residuals = minimise(problem, at, 0.03, 0.1, lambda: False)
+    assert residuals.cost == pytest.approx(problem.residuals(solved, 0.03, 0.1).cost, rel=1e-3)
+    assert residuals.cost < 0.1 * problem.residuals(at, 0.03, 0.1).cost
+    assert found.states.shape == at.states.shape
+
+
+def test_the_law_is_found_beside_the_states(system, shred, data, real):
+    module = make(system, shred, data)
+    module.dynamics.set_law(torch.tensor([0, -0.05, 0, 0, 0, 0, 0, 0]).double())
+    fitted = module.refit((data.windows, data.fitted), module.dynamics.coefficients.detach())
+    assert float(fitted.coefficients[1]) == pytest.approx(-0.3, rel=0.05)
+    assert fitted.coefficients.nonzero().flatten().tolist() == [1]
+    assert fitted.parts["step_error"] < 1
+    before = (module.first_guess - real).square().mean().sqrt()
+    problem, _ = problem_of(module, data.fitted)
+    after = (problem.fields(fitted.unknowns.states) - real).square().mean().sqrt()
+    assert float(after) < 0.1 * float(before)
+
+
+def test_a_simulator_that_blows_up_leaves_the_states_as_they_are(system, shred, data):
+    module = make(system, shred, data)
+    library = [str(term) for term in ring.library(system)]
+    law = torch.zeros(len(library)).double()
+    law[library.index("u**3")] = 1e3
+    module.dynamics.set_law(law)
+    problem, at = problem_of(module, data.fitted)
+    found, residuals = minimise(problem, at, FIRST_ERROR, 1.0, lambda: False)
+    assert not math.isfinite(residuals.cost)
+    assert torch.equal(found.states, at.states)
+
+
+def test_it_ends_when_the_time_is_up(system, shred, data, monkeypatch):
+    module = make(system, shred, data)
+    problem, at = problem_of(module, data.fitted)
+    monkeypatch.setattr(WeakConstraint, "equations", lambda *_: pytest.fail("it went on"))
+    found, _ = minimise(problem, at, FIRST_ERROR, 1.0, lambda: True)
+    assert torch.equal(found.states, at.states)
