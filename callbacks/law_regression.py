@@ -15,7 +15,8 @@ from dashred.inference.latent_sindy.field_regression import field_regression
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.inference.latent_sindy.sparse_regression import SparseFit, sparse_fit
 from dashred.inference.latent_sindy.step_sensitivities import SimulatorSteps
-from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation, Fitted
+from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation
+from dashred.models.dynamics.state_fit import Fitted
 
 NAME = "dynamics"
 # Columns that a regression may simulate, in values of the state.
@@ -62,9 +63,7 @@ class LawRegression(Callback):
     def finish(
         self, module: DynamicAssimilation, batch: tuple[Tensor, Tensor], epoch: int
     ) -> tuple[SparseFit, Fitted | None]:
-        """Return the proposal for the final state, without the terms that it can do without.
-
-        The minimum with this law is returned beside it, if the steps fit.
+        """Return the final proposal, and the minimum with its law if the steps fit.
 
         Args:
             module: the assimilation, with its best state.
@@ -72,8 +71,8 @@ class LawRegression(Callback):
             epoch: number of the last point of the curves.
         """
         found = self._regress(module, self.problem.settings.bootstraps)
-        law, fitted = simplest_law(module, batch, self._blocks(module), found.coefficients)
-        final = found.reduced(law)
+        law, fitted = simplest_law(module, batch, found.coefficients)
+        final = found.with_law(law, self._blocks(module))
         metrics = self._note(final)
         self.child(metrics, epoch)
         self.parent(metrics, epoch)

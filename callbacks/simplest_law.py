@@ -1,4 +1,4 @@
-"""Elimination of terms from the law of an assimilation with dynamics."""
+"""The law of an assimilation with dynamics: the set of terms that the readings call for."""
 
 from __future__ import annotations
 
@@ -8,50 +8,78 @@ import math
 import torch
 from torch import Tensor
 
-from dashred.inference.latent_sindy.best_subsets import best_subsets
-from dashred.inference.latent_sindy.blocks import Array, Blocks
-from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation, Fitted
+from dashred.inference.fit.selection.subset_search import ProfiledProblem
+from dashred.inference.latent_sindy.blocks import Array
+from dashred.inference.segments.selection.candidate_sets import beam_search
+from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation
+from dashred.models.dynamics.state_fit import Fitted
+
+# Sets that are tried at most. Each is the best one about the minimum with the last one.
+ROUNDS = 4
 
 
 def simplest_law(
-    module: DynamicAssimilation, batch: tuple[Tensor, Tensor], blocks: Blocks, proposed: Array
+    module: DynamicAssimilation, batch: tuple[Tensor, Tensor], proposed: Array
 ) -> tuple[Array, Fitted | None]:
-    """Return the smallest part of a law that explains the readings as well as all of it.
+    """Return the set of terms with the lowest score, and its minimum.
 
-    The field was fitted with the law, so that its steps contain whatever the law contains, and a
-    regression along it cannot refute a term. Here the field is fitted again with each part of the
-    law, the smallest first, and the first one is taken for which
+    The field was fitted with a law, so that its steps contain whatever the law contains, and a
+    regression along it cannot refute a term. Here the states follow the law: about a minimum, they
+    are eliminated from the linearised loss J, and what is left is a quadratic function of the
+    coefficients of all terms. The set with the lowest
 
-        n (J − J_all) ≤ (terms left out) ln n,
+        n J + (terms) ln n,
 
-    the Bayesian information criterion, with the loss J in place of the deviance of a reading. The
-    part of a given size is the one with the lowest error in the regression. Losses can be compared
-    at their minima only: where the steps do not fit the smallest q even with the whole law, the
+    the Bayesian information criterion, is fitted, with the loss J in place of the deviance of a
+    reading. This is repeated about its minimum as long as the score falls. Losses can be compared
+    at their minima only: where the steps do not fit the smallest q with any of these laws, the
     proposal is returned as it is, without a minimum. The assimilation is left as it was.
 
     Args:
         module: the assimilation, with its best state.
         batch: windows and fitted values of all samples.
-        blocks: the regression along its field.
-        proposed: coefficients that the regression proposes, ``(term,)``.
+        proposed: coefficients that a regression proposes, ``(term,)``.
 
     Returns:
-        The coefficients at the minimum with this part, ``(term,)``, and the minimum.
+        The coefficients at the minimum, ``(term,)``, and the minimum.
     """
-    support = [int(j) for j in proposed.nonzero()[0]]
     state = copy.deepcopy(module.state_dict())
-    *parts, everything = best_subsets(blocks, support) if support else [proposed]
-    whole = module.refit(batch, torch.from_numpy(everything))
-    if whole.parts["step_error"] > 1.0:
-        module.load_state_dict(state)
-        return proposed, None
-    found = whole
     readings = int((~batch[1].isnan()).sum())
-    for size, part in enumerate(parts):
-        other = module.refit(batch, torch.from_numpy(part), whole.unknowns)
-        excess = readings * (other.parts["train"] - whole.parts["train"])
-        if excess <= (len(support) - size) * math.log(readings):
-            found = other
+
+    def score(fitted: Fitted) -> float:
+        terms = int(fitted.coefficients.count_nonzero())
+        return readings * fitted.parts["train"] + terms * math.log(readings)
+
+    best = module.refit(batch, torch.from_numpy(proposed))
+    for _ in range(ROUNDS):
+        coefficients = _best_law(module, batch, best, readings)
+        if torch.equal(coefficients != 0, best.coefficients != 0):
             break
+        found = module.refit(batch, coefficients, best.unknowns.states)
+        if not score(found) < score(best):
+            break
+        best = found
     module.load_state_dict(state)
-    return found.coefficients.numpy(), found
+    if best.parts["step_error"] > 1.0:
+        return proposed, None
+    return best.coefficients.numpy(), best
+
+
+def _best_law(
+    module: DynamicAssimilation, batch: tuple[Tensor, Tensor], at: Fitted, readings: int
+) -> Tensor:
+    """Return the coefficients of the set with the lowest score on the linearised problem."""
+    fit, error = module.state_fit(batch[1]), module.least_error
+    matrix, gradient, precision = fit.law_equations(at.unknowns, error)
+    prior = torch.full((len(gradient),), precision, dtype=torch.float64)
+    profiled = ProfiledProblem(matrix - torch.diag(prior), -gradient, 0.0, prior)
+    sets = {
+        members: cost + len(members) * math.log(readings)
+        for found in beam_search(profiled, [False] * len(gradient))
+        for members, cost in found.items()
+    }
+    chosen = min(sets, key=sets.__getitem__)
+    law = torch.zeros(len(gradient), dtype=torch.float64)
+    if chosen:
+        law[list(chosen)] = profiled.coefficients(chosen)
+    return law * module.dynamics.scales

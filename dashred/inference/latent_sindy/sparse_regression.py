@@ -48,12 +48,11 @@ class SparseFit:
     ranking: list[int]
     blocks: int
 
-    def reduced(self, coefficients: Array) -> SparseFit:
-        """Return the proposal with a part of its terms, and their coefficients ``(term,)``."""
-        kept = coefficients != 0
-        share = np.zeros_like(self.contribution)
-        share[kept] = self.contribution[kept] * np.abs(coefficients[kept] / self.coefficients[kept])
-        ranking = sorted(self.ranking, key=lambda j: not kept[j])
+    def with_law(self, coefficients: Array, blocks: Blocks) -> SparseFit:
+        """Return the proposal with another law, ``(term,)``, that was found in another way."""
+        norms, target = np.sqrt(np.einsum("bii->i", blocks.gram)), np.sqrt(blocks.power.sum())
+        share = np.abs(coefficients) * norms / target if target else np.zeros_like(norms)
+        ranking = sorted(self.ranking, key=lambda j: coefficients[j] == 0)
         return replace(self, coefficients=coefficients, contribution=share, ranking=ranking)
 
 

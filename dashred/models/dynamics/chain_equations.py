@@ -46,6 +46,27 @@ class ChainEquations:
         Raises:
             torch.linalg.LinAlgError: the matrix is not positive definite.
         """
+        factors, below, reduced = self._forward(damping)
+        common = self._common(reduced, damping)
+        known = reduced[..., 0] + reduced[..., 1:] @ common
+        found = [torch.empty(0)] * len(known)
+        for t in range(len(known) - 1, -1, -1):
+            rest = known[t] if t == len(below) else known[t] - below[t].T @ found[t + 1]
+            found[t] = torch.linalg.solve_triangular(factors[t].T, rest[:, None], upper=True)[:, 0]
+        return -torch.stack(found), common
+
+    def eliminated(self) -> tuple[Tensor, Tensor]:
+        """Return the matrix ``(common, common)`` and the gradient of z alone.
+
+        The states follow z: they minimise the quadratic function for any z.
+        """
+        _, _, reduced = self._forward(damping=0.0)
+        border = reduced[..., 1:].flatten(0, 1)
+        gradient = self.common_gradient - border.T @ reduced[..., 0].flatten()
+        return self.corner - border.T @ border, gradient
+
+    def _forward(self, damping: float) -> tuple[list[Tensor], list[Tensor], Tensor]:
+        """Return the factors, the blocks below them, and the solution of the right-hand sides."""
         damped = damping * torch.eye(self.diagonal.shape[1], dtype=self.diagonal.dtype)
         right = torch.cat([self.gradient[..., None], self.border], dim=2)
         factors: list[Tensor] = []
@@ -60,14 +81,7 @@ class ChainEquations:
             if t < len(self.coupling):
                 across = torch.linalg.solve_triangular(factor, self.coupling[t].T, upper=False)
                 below.append(across.T)
-        reduced = torch.stack(forward)
-        common = self._common(reduced, damping)
-        known = reduced[..., 0] + reduced[..., 1:] @ common
-        found = [torch.empty(0)] * len(known)
-        for t in range(len(known) - 1, -1, -1):
-            rest = known[t] if t == len(below) else known[t] - below[t].T @ found[t + 1]
-            found[t] = torch.linalg.solve_triangular(factors[t].T, rest[:, None], upper=True)[:, 0]
-        return -torch.stack(found), common
+        return factors, below, torch.stack(forward)
 
     def _common(self, reduced: Tensor, damping: float) -> Tensor:
         """Return z from its Schur complement."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -11,32 +10,17 @@ from torch import Tensor, nn
 from dashred.models.assimilation import Assimilation, AssimilationSensors
 from dashred.models.dynamics.adapter import AdaptedDecoder
 from dashred.models.dynamics.distillation import distil
-from dashred.models.dynamics.gauss_newton import minimise
 from dashred.models.dynamics.network_fit import LAW_PENALTY, NetworkFit
 from dashred.models.dynamics.sampled_dynamics import SampledDynamics
-from dashred.models.dynamics.weak_constraint import Residuals, Unknowns, WeakConstraint
+from dashred.models.dynamics.state_fit import FIRST_ERROR, Fitted, StateFit
+from dashred.models.dynamics.weak_constraint import WeakConstraint
 from dashred.models.dynamics.whitening import Whitening
 from dashred.models.shred import SHRED, reconstruct
 
-# q of the first epoch and its smallest value, in units of the std of a field, and the factor from
-# one epoch to the next.
-FIRST_ERROR, LEAST_ERROR, ANNEALING = 0.1, 0.001, 0.3
+# Smallest q, in units of the std of a field, and the factor from one epoch to the next.
+LEAST_ERROR, ANNEALING = 0.001, 0.3
 # Least error of the background, in std of a field: SHRED knows a field that never changes exactly.
 LEAST_BACKGROUND = 1e-3
-
-
-class Fitted(NamedTuple):
-    """The minimum for one law.
-
-    Attributes:
-        unknowns: POD coefficients, and coefficients of the law in units of the scales.
-        coefficients: of all terms, in their units, ``(term,)``; zero outside of the law.
-        parts: of the loss.
-    """
-
-    unknowns: Unknowns
-    coefficients: Tensor
-    parts: dict[str, float]
 
 
 class DynamicAssimilation(Assimilation):
@@ -130,7 +114,7 @@ class DynamicAssimilation(Assimilation):
             parts = {name: float(value) for name, value in found.items()}
         else:
             self._error = self._next_error(self.current_epoch)
-            fitted = self._fit_states(self._present(latent), readings, self._error)
+            fitted = self.state_fit(readings).fit(self._present(latent), self._error)
             parts = fitted.parts | {"network_error": self.take(windows, fitted)}
         self.steps_fit = parts.get("step_error", 2.0) <= 1.0
         for name, value in parts.items():
@@ -138,21 +122,21 @@ class DynamicAssimilation(Assimilation):
         return torch.tensor(parts.get("train", torch.inf))
 
     def refit(
-        self, batch: tuple[Tensor, Tensor], coefficients: Tensor, start: Unknowns | None = None
+        self, batch: tuple[Tensor, Tensor], coefficients: Tensor, start: Tensor | None = None
     ) -> Fitted:
         """Return the minimum with another law, at the smallest q. The networks stay as they are.
 
         Args:
             batch: windows and fitted values of all samples.
             coefficients: of the law, ``(term,)``; those that are not zero are fitted.
-            start: states at which the fit begins; None for those of the networks.
+            start: states at which the fit begins, ``(time, mode)``; None for those of the networks.
         """
         windows, readings = batch
         self.dynamics.set_law(coefficients)
         if start is None:
             with torch.no_grad():
                 start = self._present(self.shred.encode(windows))
-        return self._fit_states(start, readings, self.least_error)
+        return self.state_fit(readings).fit(start, self.least_error)
 
     @property
     def is_settled(self) -> bool:
@@ -185,8 +169,12 @@ class DynamicAssimilation(Assimilation):
             self.is_over,
         )
 
-    def _fit_states(self, start: Unknowns, readings: Tensor, error: float) -> Fitted:
-        """Return the states and the law of the lowest loss, and its parts."""
+    def state_fit(self, readings: Tensor) -> StateFit:
+        """Return the loss of the states.
+
+        Args:
+            readings: of the fit sensors, ``(time, sensor)``, NaN where missing.
+        """
         problem = WeakConstraint(
             self.dynamics,
             self.shred.pod,
@@ -198,20 +186,12 @@ class DynamicAssimilation(Assimilation):
             self.background,
             LAW_PENALTY,
         )
-        start = Unknowns(start.states, self.dynamics.fitted)
-        # The errors of SHRED at neighbouring samples are alike, so that its estimate counts less
-        # than as many readings; and the better the steps fit, the less it is needed.
-        weight = (error / FIRST_ERROR) ** 2
-        unknowns, residuals = minimise(problem, start, error, weight, self.is_over)
-        self.dynamics.set_fitted(unknowns.law)
-        coefficients = self.dynamics.coefficients.detach()
-        return Fitted(unknowns, coefficients, _parts(residuals, problem.count))
+        return StateFit(problem, self.is_over)
 
     @torch.no_grad()
-    def _present(self, latent: Tensor) -> Unknowns:
-        """Return the states that the networks give, and the law."""
-        states = self.shred.decoder(self.encoder.transform(latent)).double()
-        return Unknowns(states, self.dynamics.fitted)
+    def _present(self, latent: Tensor) -> Tensor:
+        """Return the states that the networks give, ``(time, mode)``."""
+        return self.shred.decoder(self.encoder.transform(latent)).double()
 
     def _next_error(self, epoch: int) -> float:
         """Return q of an epoch; it falls if the steps of the last one were within theirs.
@@ -262,18 +242,3 @@ class DynamicAssimilation(Assimilation):
             rows = slice(block.rows.start + 1, block.rows.stop)
             found[rows] = self.dynamics.advance(block, fields[block.rows][:-1])
         return found
-
-
-def _parts(residuals: Residuals, count: int) -> dict[str, float]:
-    """Return the loss and its parts, per reading."""
-    parts = {
-        name: float(part.square().sum()) / count
-        for name, part in {
-            "misfit": residuals.misfit,
-            "forecast_misfit": residuals.forecast_misfit,
-            "step_error": residuals.step,
-            "background": residuals.background,
-            "law": residuals.law,
-        }.items()
-    }
-    return {"train": sum(parts.values()), **parts}

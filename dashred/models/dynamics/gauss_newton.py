@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from torch.linalg import LinAlgError  # type: ignore[attr-defined]
 
@@ -17,6 +17,7 @@ DAMPING, FACTOR, TRIALS = 1e-3, 10.0, 6
 def minimise(
     problem: WeakConstraint,
     start: Unknowns,
+    terms: Sequence[int],
     error: float,
     weight: float,
     is_over: Callable[[], bool],
@@ -29,6 +30,7 @@ def minimise(
     Args:
         problem: the loss.
         start: where the iteration begins.
+        terms: of the law.
         error: q, in std of a field.
         weight: of the background.
         is_over: whether the time is up.
@@ -37,7 +39,7 @@ def minimise(
     for _ in range(ITERATIONS):
         if is_over():
             break
-        equations = problem.equations(at, error, weight)
+        equations = problem.equations(at, terms, error, weight)
         before = found.cost
         for _ in range(TRIALS):
             try:
@@ -45,7 +47,7 @@ def minimise(
             except LinAlgError:
                 damping *= FACTOR
                 continue
-            moved = Unknowns(at.states + states, at.law + law)
+            moved = at.moved(states, law, terms)
             there = problem.residuals(moved, error, weight)
             # Written so that a simulator that blows up counts as a failure.
             if there.cost < before:

@@ -98,16 +98,6 @@ class SampledDynamics(nn.Module):
         self.law.copy_(coefficients / self.scales)
         self.support.copy_(coefficients != 0)
 
-    @property
-    def fitted(self) -> Float[Tensor, " term"]:
-        """The coefficients of the law in units of the scales, without the terms outside of it."""
-        return self.law.detach()[self.support]
-
-    @torch.no_grad()
-    def set_fitted(self, law: Float[Tensor, " term"]) -> None:
-        """Take other coefficients of the terms in the law, in units of the scales."""
-        self.law[self.support] = law
-
     def blocks(self) -> Iterator[Samples]:
         """Yield all steps in blocks of consecutive samples; neighbours share a sample."""
         for episode in self.episodes:

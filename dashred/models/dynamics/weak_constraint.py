@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -24,11 +25,17 @@ class Unknowns:
 
     Attributes:
         states: c_t, POD coefficients of all samples in units of their std, ``(time, mode)``.
-        law: ξ of the terms in the law, in units of the scales, ``(term,)``.
+        law: ξ in units of the scales, ``(term,)``; zero outside of the law.
     """
 
     states: Float[Tensor, "time mode"]
     law: Float[Tensor, " term"]
+
+    def moved(self, states: Tensor, law: Tensor, terms: Sequence[int]) -> Unknowns:
+        """Return the point after a step of the states, and of the coefficients of some terms."""
+        return Unknowns(
+            self.states + states, self.law.index_add(0, torch.tensor(terms, dtype=torch.long), law)
+        )
 
 
 @dataclass(frozen=True)
@@ -40,6 +47,7 @@ class Residuals:
         forecast_misfit: of the forecasts, in the row of the sample from which they start.
         step: of the steps, ``(time, mode)``, in the same row; zero at the end of an episode.
         background: ``(time, mode)``.
+        start: of the first sample of an episode, ``(time, mode)``; zero at the others.
         law: ``(term,)``.
     """
 
@@ -47,6 +55,7 @@ class Residuals:
     forecast_misfit: Tensor
     step: Tensor
     background: Tensor
+    start: Tensor
     law: Tensor
 
     @property
@@ -59,7 +68,10 @@ class WeakConstraint:
     """The loss of :class:`.network_loss.NetworkLoss` with the states in place of the network.
 
     The states are linear combinations of POD modes, and the error of a step is the part of it that
-    lies in these modes: what they cannot express is no error of a step.
+    lies in these modes: what they cannot express is no error of a step. At the first sample of an
+    episode, the difference of each POD coefficient to the background has the std of the coefficient
+    in the simulations. What a dissipative system forgets before a sensor reads it would be free
+    otherwise.
 
     Args:
         dynamics: the simulator, with the terms of the law.
@@ -93,6 +105,8 @@ class WeakConstraint:
         self.linked = torch.zeros(len(guess), 1, dtype=torch.bool)
         for block in self.blocks:
             self.linked[block.rows.start : block.rows.stop - 1] = True
+        self.first = torch.zeros_like(self.linked)
+        self.first[[episode.first for episode in dynamics.episodes]] = True
         self.count = max(1, int(self.known.sum()))
         forecast = int((self.known[1:] & self.linked[:-1]).sum())
         cells = pod.modes.shape[1]
@@ -106,6 +120,11 @@ class WeakConstraint:
         modes = pod.modes.double() / std
         self._background = torch.linalg.cholesky(modes @ modes.T).T * self.spread
         self._change = FIELD_CHANGE * cells**0.5 / self.spread
+
+    @property
+    def precision(self) -> float:
+        """Weight of a squared coefficient in units of its scale."""
+        return self._of_law**2
 
     def fields(self, states: Float[Tensor, "time mode"]) -> Tensor:
         """Return the fields of POD coefficients, ``(time, field, *grid)``."""
@@ -129,14 +148,24 @@ class WeakConstraint:
             forecast_misfit=self._normalised(forecast, 1) * self._of_forecast,
             step=torch.where(self.linked, (steps - following) * scale, 0.0),
             background=changes * (self._of_state * weight**0.5),
+            start=torch.where(self.first, at.states - self.guess, 0.0),
             law=at.law * self._of_law,
         )
 
     @torch.no_grad()
-    def equations(self, at: Unknowns, error: float, weight: float) -> ChainEquations:
-        """Return the normal equations of the linearised residuals; see :meth:`residuals`."""
+    def equations(
+        self, at: Unknowns, terms: Sequence[int], error: float, weight: float
+    ) -> ChainEquations:
+        """Return the normal equations of the linearised residuals.
+
+        Args:
+            at: where they are linearised.
+            terms: whose coefficients are unknown.
+            error: see :meth:`residuals`.
+            weight: see :meth:`residuals`.
+        """
         base, own = self._readings(at), self.residuals(at, error, weight)
-        modes, terms = len(self.spread), len(at.law)
+        modes = len(self.spread)
         by_state = []
         for k in range(modes):
             states = at.states.clone()
@@ -144,28 +173,31 @@ class WeakConstraint:
             moved = self._readings(Unknowns(states, at.law))
             by_state.append(self._derivatives(base, moved, float(self._change[k]), error))
         by_law = []
-        for j in range(terms):
+        for j in terms:
             law = at.law.clone()
             law[j] += LAW_CHANGE
             moved = self._readings(Unknowns(at.states, law))
             by_law.append(self._derivatives(base, moved, LAW_CHANGE, error))
         # Rows of all residuals that start from a sample; columns of its modes, and of the law.
         of_states = torch.stack(by_state, dim=2)
-        of_law = torch.stack(by_law, dim=2) if terms else of_states[:, :, :0]
+        of_law = torch.stack(by_law, dim=2) if by_law else of_states[:, :, :0]
         residual = torch.cat([own.misfit, own.forecast_misfit, own.step], dim=1)
         scale = torch.where(self.linked, self._of_step / error * self.spread, 0.0)
         # A step lowers the next state by itself.
         to_next = -of_states[:, -modes:] * scale[:, :, None]
         background = self._background * (self._of_state * weight**0.5)
         diagonal = of_states.mT @ of_states + background.T @ background
+        diagonal += torch.diag_embed(self.first.expand(-1, modes).double())
         diagonal[1:] += torch.diag_embed(scale[:-1].square())
-        gradient = (of_states.mT @ residual[..., None])[..., 0] + own.background @ background
+        gradient = (
+            (of_states.mT @ residual[..., None])[..., 0] + own.background @ background + own.start
+        )
         gradient[1:] -= (scale * own.step)[:-1]
         border = of_states.mT @ of_law
         border[1:] -= (scale[:, :, None] * of_law[:, -modes:])[:-1]
         flat = of_law.flatten(0, 1)
-        corner = flat.T @ flat + self._of_law**2 * torch.eye(terms, dtype=flat.dtype)
-        common = flat.T @ residual.flatten() + self._of_law * own.law
+        corner = flat.T @ flat + self.precision * torch.eye(len(by_law), dtype=flat.dtype)
+        common = flat.T @ residual.flatten() + self._of_law * own.law[list(terms)]
         return ChainEquations(diagonal, to_next[:-1], border, corner, gradient, common)
 
     def _readings(self, at: Unknowns) -> tuple[Tensor, Tensor, Tensor]:
@@ -176,7 +208,7 @@ class WeakConstraint:
         fields = self.fields(at.states)
         read = self.operator(fields)
         forecast, steps = torch.zeros_like(read), torch.zeros_like(at.states)
-        self.dynamics.set_fitted(at.law)
+        self.dynamics.set_law(at.law * self.dynamics.scales)
         for block in self.blocks:
             rows = slice(block.rows.start, block.rows.stop - 1)
             later = self.dynamics.advance(block, fields[rows])

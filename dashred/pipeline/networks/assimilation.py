@@ -23,7 +23,8 @@ from dashred.core.tracking import RunTracker
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.models.assimilation import AssimilatedEncoder
-from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation, Fitted
+from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation
+from dashred.models.dynamics.state_fit import Fitted
 from dashred.models.shred import reconstruct
 from dashred.physics.runs.ensemble import term_scales
 from dashred.pipeline.networks.assimilation_plan import dynamic_plan, plain_plan

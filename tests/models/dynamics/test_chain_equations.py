@@ -48,6 +48,15 @@ def test_it_is_the_dense_solution(times: int, modes: int, common: int, damping: 
     torch.testing.assert_close(torch.cat([states.flatten(), shared]), expected)
 
 
+def test_the_common_unknowns_alone_have_the_schur_complement() -> None:
+    chain, matrix, _ = equations(5, 3, 2)
+    own, right = chain.eliminated()
+    inverse = torch.linalg.inv(matrix)[-2:, -2:]
+    torch.testing.assert_close(own, torch.linalg.inv(inverse))
+    _, shared = chain.solve(0.0)
+    torch.testing.assert_close(torch.linalg.solve(own, right), -shared)
+
+
 def test_a_matrix_that_is_not_positive_definite_is_refused() -> None:
     chain, _, _ = equations(3, 2, 1)
     with pytest.raises(LinAlgError):

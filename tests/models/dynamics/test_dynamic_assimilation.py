@@ -12,13 +12,10 @@ from torch import Tensor, nn
 from dashred.data.observation_operator import ObservationOperator
 from dashred.models.assimilation import AssimilationSensors
 from dashred.models.dynamics import network_fit
-from dashred.models.dynamics.dynamic_assimilation import (
-    FIRST_ERROR,
-    LEAST_ERROR,
-    DynamicAssimilation,
-)
+from dashred.models.dynamics.dynamic_assimilation import LEAST_ERROR, DynamicAssimilation
 from dashred.models.dynamics.network_fit import NetworkFit
 from dashred.models.dynamics.sampled_dynamics import EpisodeSteps, SampledDynamics
+from dashred.models.dynamics.state_fit import FIRST_ERROR
 from dashred.models.pod import POD
 from dashred.models.scaler import Scaler
 from dashred.models.shred import SHRED, reconstruct

@@ -8,10 +8,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.models.dynamics.dynamic_assimilation import FIRST_ERROR
 from dashred.models.dynamics.gauss_newton import minimise
-from dashred.models.dynamics.network_fit import LAW_PENALTY
 from dashred.models.dynamics.sampled_dynamics import EpisodeSteps
+from dashred.models.dynamics.state_fit import FIRST_ERROR
 from dashred.models.dynamics.weak_constraint import Unknowns, WeakConstraint
 from dashred.physics.solvers.sample_step import SampleStep
 from tests import ring
@@ -32,28 +31,8 @@ LAW = torch.tensor([0, -0.1, 0, 0, 0.02, 0, 0, 0]).double()
 
 def problem_of(module, readings: Tensor) -> tuple[WeakConstraint, Unknowns]:
     """Return the loss of a module over states, and the states of its networks."""
-    problem = WeakConstraint(
-        module.dynamics,
-        module.shred.pod,
-        module.shred.spread,
-        module.sensors.fit,
-        module.sensors.noise,
-        readings,
-        module._guess,
-        module.background,
-        LAW_PENALTY,
-    )
-    return problem, Unknowns(module._guess.double(), module.dynamics.fitted)
-
-
-def changed(at: Unknowns, along: Unknowns, length: float) -> Unknowns:
-    return Unknowns(at.states + length * along.states, at.law + length * along.law)
-
-
-def direction(at: Unknowns) -> Unknowns:
-    rng = torch.Generator().manual_seed(1)
-    parts = (torch.randn(v.shape, generator=rng, dtype=torch.float64) for v in vars(at).values())
-    return Unknowns(*parts)
+    law = module.dynamics.coefficients.detach() / module.dynamics.scales
+    return module.state_fit(readings).problem, Unknowns(module._guess.double(), law)
 
 
 def test_it_is_the_loss_of_the_networks_times_the_number_of_readings(system, shred, data):
@@ -69,6 +48,14 @@ def test_it_is_the_loss_of_the_networks_times_the_number_of_readings(system, shr
         assert value == pytest.approx(float(expected[name]), rel=1e-4)
 
 
+def test_the_first_sample_of_an_episode_has_a_background_of_its_own(system, shred, data):
+    problem, at = problem_of(make(system, shred, data), data.fitted)
+    moved = at.moved(torch.ones_like(at.states), torch.zeros(0).double(), [])
+    assert not problem.residuals(at, FIRST_ERROR, 1.0).start.any()
+    found = problem.residuals(moved, FIRST_ERROR, 1.0).start
+    assert torch.equal(found[0], torch.ones_like(found[0])) and not found[1:].any()
+
+
 @pytest.mark.parametrize("episodes", [1, 2])
 def test_the_equations_are_those_of_the_linearised_residuals(system, shred, data, episodes):
     data.fitted[3:9, 0] = torch.nan
@@ -81,17 +68,16 @@ def test_the_equations_are_those_of_the_linearised_residuals(system, shred, data
         )
     module.dynamics.set_law(LAW)
     problem, at = problem_of(module, data.fitted)
-    along, small = direction(at), 1e-5
+    terms, small, rng = [1, 4], 1e-5, torch.Generator().manual_seed(1)
+    x = torch.randn(at.states.shape, generator=rng, dtype=torch.float64)
+    z = torch.randn(len(terms), generator=rng, dtype=torch.float64)
     there, back = (
-        problem.residuals(changed(at, along, h), FIRST_ERROR, 0.3) for h in (small, -small)
+        problem.residuals(at.moved(h * x, h * z, terms), FIRST_ERROR, 0.3) for h in (small, -small)
     )
-    own, equations = (
-        problem.residuals(at, FIRST_ERROR, 0.3),
-        problem.equations(at, FIRST_ERROR, 0.3),
-    )
+    own = problem.residuals(at, FIRST_ERROR, 0.3)
+    equations = problem.equations(at, terms, FIRST_ERROR, 0.3)
     slopes = {name: (vars(there)[name] - vars(back)[name]) / (2 * small) for name in vars(own)}
     gradient = sum(float((slopes[name] * vars(own)[name]).sum()) for name in slopes)
-    x, z = along.states, along.law
     found = float((equations.gradient * x).sum() + (equations.common_gradient * z).sum())
     assert found == pytest.approx(gradient, rel=1e-5)
     square = sum(float(slope.square().sum()) for slope in slopes.values())
@@ -110,11 +96,11 @@ def test_the_equations_are_those_of_the_linearised_residuals(system, shred, data
 def test_one_step_solves_a_linear_problem(system, shred, data):
     module = make(system, shred, data)
     problem, at = problem_of(module, data.fitted)
-    states, _ = problem.equations(at, 0.03, 0.1).solve(0.0)
+    states, _ = problem.equations(at, [], 0.03, 0.1).solve(0.0)
     solved = Unknowns(at.states + states, at.law)
-    equations = problem.equations(solved, 0.03, 0.1)
+    equations = problem.equations(solved, [], 0.03, 0.1)
     assert float(equations.gradient.abs().max()) < 1e-4 * float(states.abs().max())
-    found, residuals = minimise(problem, at, 0.03, 0.1, lambda: False)
+    found, residuals = minimise(problem, at, [], 0.03, 0.1, lambda: False)
     assert residuals.cost == pytest.approx(problem.residuals(solved, 0.03, 0.1).cost, rel=1e-3)
     assert residuals.cost < 0.1 * problem.residuals(at, 0.03, 0.1).cost
     assert found.states.shape == at.states.shape
@@ -140,7 +126,7 @@ def test_a_simulator_that_blows_up_leaves_the_states_as_they_are(system, shred, 
     law[library.index("u**3")] = 1e3
     module.dynamics.set_law(law)
     problem, at = problem_of(module, data.fitted)
-    found, residuals = minimise(problem, at, FIRST_ERROR, 1.0, lambda: False)
+    found, residuals = minimise(problem, at, [], FIRST_ERROR, 1.0, lambda: False)
     assert not math.isfinite(residuals.cost)
     assert torch.equal(found.states, at.states)
 
@@ -149,5 +135,5 @@ def test_it_ends_when_the_time_is_up(system, shred, data, monkeypatch):
     module = make(system, shred, data)
     problem, at = problem_of(module, data.fitted)
     monkeypatch.setattr(WeakConstraint, "equations", lambda *_: pytest.fail("it went on"))
-    found, _ = minimise(problem, at, FIRST_ERROR, 1.0, lambda: True)
+    found, _ = minimise(problem, at, [], FIRST_ERROR, 1.0, lambda: True)
     assert torch.equal(found.states, at.states)
