@@ -8,6 +8,7 @@ import math
 import torch
 from torch import Tensor
 
+from dashred.core.budget import OutOfTimeError
 from dashred.inference.fit.selection.subset_search import ProfiledProblem
 from dashred.inference.latent_sindy.blocks import Array
 from dashred.inference.segments.selection.candidate_sets import beam_search
@@ -52,7 +53,10 @@ def simplest_law(
 
     best = module.refit(batch, torch.from_numpy(proposed))
     for _ in range(ROUNDS):
-        coefficients = _best_law(module, batch, best, readings)
+        try:
+            coefficients = _best_law(module, batch, best, readings)
+        except OutOfTimeError:
+            break
         if torch.equal(coefficients != 0, best.coefficients != 0):
             break
         found = module.refit(batch, coefficients, best.unknowns.states)

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from callbacks.simplest_law import simplest_law
+from dashred.core.budget import OutOfTimeError
 from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation
 from dashred.models.dynamics.state_fit import Fitted, LawEquations, StateFit
 from dashred.models.dynamics.weak_constraint import Unknowns
@@ -98,3 +99,13 @@ def test_the_missing_term_is_found_from_a_wrong_proposal(module, data):
     found, fitted = simplest_law(module, (data.windows, data.fitted), wrong)
     assert fitted is not None and found.nonzero()[0].tolist() == [TRUE]
     assert found[TRUE] == pytest.approx(COEFFICIENT, rel=0.05)
+
+
+def test_without_time_the_law_of_the_proposal_stays(module, data, monkeypatch):
+    losses_of(monkeypatch, {TRUE: 80.0}, data.fitted.numel())
+
+    def late(*_) -> LawEquations:
+        raise OutOfTimeError
+
+    monkeypatch.setattr(StateFit, "law_equations", late)
+    assert law_of(module, data, [2, 3]) == [2, 3]

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from torch.linalg import LinAlgError  # type: ignore[attr-defined]
 
+from dashred.core.budget import OutOfTimeError
 from dashred.models.dynamics.weak_constraint import Residuals, Unknowns, WeakConstraint
 
 # Linearisations at most; the relative decrease of the loss that ends the iteration.
@@ -37,9 +38,10 @@ def minimise(
     """
     at, found, damping = start, problem.residuals(start, error, weight), DAMPING
     for _ in range(ITERATIONS):
-        if is_over():
+        try:
+            equations = problem.equations(at, terms, error, weight, is_over)
+        except OutOfTimeError:
             break
-        equations = problem.equations(at, terms, error, weight)
         before = found.cost
         for _ in range(TRIALS):
             try:

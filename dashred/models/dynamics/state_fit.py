@@ -74,8 +74,13 @@ class StateFit:
         return Fitted(unknowns, coefficients, _parts(residuals, self.problem.count))
 
     def law_equations(self, at: Unknowns, error: float) -> LawEquations:
-        """Return the loss as a function of the coefficients of all terms, linearised at a point."""
-        equations = self.problem.equations(at, range(len(at.law)), error, _weight(error))
+        """Return the loss as a function of the coefficients of all terms, linearised at a point.
+
+        Raises:
+            OutOfTimeError: the time is up.
+        """
+        terms = range(len(at.law))
+        equations = self.problem.equations(at, terms, error, _weight(error), self.is_over)
         matrix, gradient = equations.eliminated()
         return LawEquations(matrix, gradient - matrix @ at.law, self.problem.precision)
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from dashred.core.budget import OutOfTimeError
 from dashred.data.observation_operator import ObservationOperator
 from dashred.models.dynamics.chain_equations import ChainEquations
 from dashred.models.dynamics.sampled_dynamics import SampledDynamics
@@ -65,7 +66,7 @@ class Residuals:
 
 
 class WeakConstraint:
-    """The loss of :class:`.network_loss.NetworkLoss` with the states in place of the network.
+    """The loss of :class:`.network_fit.NetworkFit` with the states in place of the network.
 
     The states are linear combinations of POD modes, and the error of a step is the part of it that
     lies in these modes: what they cannot express is no error of a step. At the first sample of an
@@ -154,7 +155,12 @@ class WeakConstraint:
 
     @torch.no_grad()
     def equations(
-        self, at: Unknowns, terms: Sequence[int], error: float, weight: float
+        self,
+        at: Unknowns,
+        terms: Sequence[int],
+        error: float,
+        weight: float,
+        is_over: Callable[[], bool],
     ) -> ChainEquations:
         """Return the normal equations of the linearised residuals.
 
@@ -163,11 +169,17 @@ class WeakConstraint:
             terms: whose coefficients are unknown.
             error: see :meth:`residuals`.
             weight: see :meth:`residuals`.
+            is_over: whether the time is up.
+
+        Raises:
+            OutOfTimeError: it is up.
         """
         base, own = self._readings(at), self.residuals(at, error, weight)
         modes = len(self.spread)
         by_state = []
         for k in range(modes):
+            if is_over():
+                raise OutOfTimeError
             states = at.states.clone()
             states[:, k] += self._change[k]
             moved = self._readings(Unknowns(states, at.law))
