@@ -29,12 +29,14 @@ def simplest_law(
     are eliminated from the linearised loss J, and what is left is a quadratic function of the
     coefficients of all terms. The set with the lowest
 
-        n J + (terms) ln n,
+        n J / 2 + (terms) (ln n + 2 ln p)
 
-    the Bayesian information criterion, is fitted, with the loss J in place of the deviance of a
-    reading. This is repeated about its minimum as long as the score falls. Losses can be compared
-    at their minima only: where the steps do not fit the smallest q with any of these laws, the
-    proposal is returned as it is, without a minimum. The assimilation is left as it was.
+    is fitted. This is the extended Bayesian information criterion for a choice among p terms (Chen
+    & Chen, Biometrika 95, 2008). n J has the place of twice the deviance, because each reading
+    counts twice in it: at its own time, and in the forecast of its time. The search is repeated
+    about the minimum with the new set as long as the score falls. Losses can be compared at their minima
+    only: where the steps do not fit the smallest q with any of these laws, the proposal is returned
+    as it is, without a minimum. The assimilation is left as it was.
 
     Args:
         module: the assimilation, with its best state.
@@ -46,15 +48,16 @@ def simplest_law(
     """
     state = copy.deepcopy(module.state_dict())
     readings = int((~batch[1].isnan()).sum())
+    penalty = math.log(readings) + 2 * math.log(len(proposed))
 
     def score(fitted: Fitted) -> float:
         terms = int(fitted.coefficients.count_nonzero())
-        return readings * fitted.parts["train"] + terms * math.log(readings)
+        return readings * fitted.parts["train"] / 2 + terms * penalty
 
     best = module.refit(batch, torch.from_numpy(proposed))
     for _ in range(ROUNDS):
         try:
-            coefficients = _best_law(module, batch, best, readings)
+            coefficients = _best_law(module, batch, best, penalty)
         except OutOfTimeError:
             break
         if torch.equal(coefficients != 0, best.coefficients != 0):
@@ -70,7 +73,7 @@ def simplest_law(
 
 
 def _best_law(
-    module: DynamicAssimilation, batch: tuple[Tensor, Tensor], at: Fitted, readings: int
+    module: DynamicAssimilation, batch: tuple[Tensor, Tensor], at: Fitted, penalty: float
 ) -> Tensor:
     """Return the coefficients of the set with the lowest score on the linearised problem."""
     fit, error = module.state_fit(batch[1]), module.least_error
@@ -78,7 +81,7 @@ def _best_law(
     prior = torch.full((len(gradient),), precision, dtype=torch.float64)
     profiled = ProfiledProblem(matrix - torch.diag(prior), -gradient, 0.0, prior)
     sets = {
-        members: cost + len(members) * math.log(readings)
+        members: cost / 2 + len(members) * penalty
         for found in beam_search(profiled, [False] * len(gradient))
         for members, cost in found.items()
     }

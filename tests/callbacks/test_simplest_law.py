@@ -22,6 +22,11 @@ __all__ = ["data", "module", "real", "shred", "system"]
 TRUE, INVENTED, TERMS = 1, (4, 6), 8
 
 
+def penalty(count: int) -> float:
+    """Half of the gain that a term needs."""
+    return math.log(count) + 2 * math.log(TERMS)
+
+
 def losses_of(monkeypatch, gains: dict[int, float], readings: int, step_error: float = 0.2):
     """Let each term lower the deviance by a given amount; return the laws that are fitted."""
     tried: list[list[int]] = []
@@ -63,7 +68,7 @@ def test_any_proposal_leads_to_the_terms_that_pay_for_themselves(
     module, data, monkeypatch, proposed
 ):
     count = data.fitted.numel()
-    gains = {TRUE: 80.0, **dict.fromkeys(INVENTED, 0.9 * math.log(count))}
+    gains = {TRUE: 200.0, **dict.fromkeys(INVENTED, 1.8 * penalty(count))}
     tried = losses_of(monkeypatch, gains, count)
     assert law_of(module, data, proposed) == [TRUE]
     assert tried == [proposed, [TRUE]][: 1 + (proposed != [TRUE])]
@@ -71,7 +76,7 @@ def test_any_proposal_leads_to_the_terms_that_pay_for_themselves(
 
 def test_all_terms_that_pay_for_themselves_are_taken(module, data, monkeypatch):
     count = data.fitted.numel()
-    gains = {TRUE: 80.0, **dict.fromkeys(INVENTED, 1.1 * math.log(count))}
+    gains = {TRUE: 200.0, **dict.fromkeys(INVENTED, 2.2 * penalty(count))}
     losses_of(monkeypatch, gains, count)
     assert law_of(module, data, [TRUE]) == [TRUE, *INVENTED]
 
@@ -82,14 +87,14 @@ def test_nothing_is_left_where_no_term_is_needed(module, data, monkeypatch):
 
 
 def test_steps_that_do_not_fit_decide_nothing(module, data, monkeypatch):
-    losses_of(monkeypatch, {TRUE: 80.0}, data.fitted.numel(), step_error=1.5)
+    losses_of(monkeypatch, {TRUE: 200.0}, data.fitted.numel(), step_error=1.5)
     assert law_of(module, data, [2, 3]) == [2, 3]
 
 
 def test_missing_readings_do_not_count(module, data, monkeypatch):
     data.fitted[5:] = torch.nan
     count = int((~data.fitted.isnan()).sum())
-    losses_of(monkeypatch, dict.fromkeys((TRUE, *INVENTED), 1.1 * math.log(count)), count)
+    losses_of(monkeypatch, dict.fromkeys((TRUE, *INVENTED), 2.2 * penalty(count)), count)
     assert law_of(module, data, []) == [TRUE, *INVENTED]
 
 
@@ -102,7 +107,7 @@ def test_the_missing_term_is_found_from_a_wrong_proposal(module, data):
 
 
 def test_without_time_the_law_of_the_proposal_stays(module, data, monkeypatch):
-    losses_of(monkeypatch, {TRUE: 80.0}, data.fitted.numel())
+    losses_of(monkeypatch, {TRUE: 200.0}, data.fitted.numel())
 
     def late(*_) -> LawEquations:
         raise OutOfTimeError

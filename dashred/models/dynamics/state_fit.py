@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -13,6 +14,8 @@ from dashred.models.dynamics.weak_constraint import Residuals, Unknowns, WeakCon
 
 # q of the first epoch, in units of the std of a field, at which the weight of the background is 1.
 FIRST_ERROR = 0.1
+# Eigenvalues below this share of the largest are rounding errors.
+LEAST_EIGENVALUE = 1e-13
 
 
 class Fitted(NamedTuple):
@@ -82,7 +85,8 @@ class StateFit:
         terms = range(len(at.law))
         equations = self.problem.equations(at, terms, error, _weight(error), self.is_over)
         matrix, gradient = equations.eliminated()
-        return LawEquations(matrix, gradient - matrix @ at.law, self.problem.precision)
+        precision = self.problem.precision
+        return LawEquations(_bounded(matrix, precision), gradient - matrix @ at.law, precision)
 
 
 def _weight(error: float) -> float:
@@ -92,6 +96,13 @@ def _weight(error: float) -> float:
     many readings; and the better the steps fit, the less it is needed.
     """
     return (error / FIRST_ERROR) ** 2
+
+
+def _bounded(matrix: Tensor, precision: float) -> Tensor:
+    """Return G with no eigenvalue below the precision of the prior, but for rounding errors."""
+    values, vectors = torch.linalg.eigh(matrix)
+    least = max(precision, LEAST_EIGENVALUE * float(values.max()))
+    return vectors * values.clamp(min=least) @ vectors.T
 
 
 def _parts(residuals: Residuals, count: int) -> dict[str, float]:
