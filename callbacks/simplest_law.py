@@ -34,9 +34,9 @@ def simplest_law(
     is fitted. This is the extended Bayesian information criterion for a choice among p terms (Chen
     & Chen, Biometrika 95, 2008). n J has the place of twice the deviance, because each reading
     counts twice in it: at its own time, and in the forecast of its time. The search is repeated
-    about the minimum with the new set as long as the score falls. Losses can be compared at their minima
-    only: where the steps do not fit the smallest q with any of these laws, the proposal is returned
-    as it is, without a minimum. The assimilation is left as it was.
+    about the minimum with the new set as long as the score falls. Losses can be compared at their
+    minima only: where the steps do not fit the smallest q with any of these laws, the proposal is
+    returned as it is, without a minimum. The assimilation is left as it was.
 
     Args:
         module: the assimilation, with its best state.
