@@ -3,19 +3,30 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any, TypeVar
 
-from dashred.config.bundled_systems import bundled_names, check_checkout, read_bundled_name
-from dashred.core.command_line.argument_types import integer_reader, list_reader, ranges_reader
+from dashred.config.bundled_systems import (
+    bundled_names,
+    check_checkout,
+    read_bundled_name,
+    results_root,
+)
+from dashred.core.command_line.argument_types import (
+    integer_reader,
+    list_reader,
+    ranges_reader,
+    read_absolute_path,
+)
 from dashred.core.command_line.arguments import COMMAND_LINE, HELP_FLAGS, Command, argument
 from dashred.core.errors import InputError, nearest
 from dashred.core.findings.findings import write_json_atomic
 from dashred.core.job_control import lock_folder, signals_as_interrupt
 from dashred.core.progress import CONSOLE
+from dashred.evaluation.json_lines import write_page
 from dashred.pipeline.run.output_dir import make_output
 
 ROWS = "rows"
@@ -55,6 +66,23 @@ class CaseRequest:
         default=None,
     )
     action: str = ""
+
+
+def output_argument(benchmark: str) -> Any:
+    """Declare the folder of the rows of a table."""
+    folder = results_root() / benchmark
+    return argument(
+        read_absolute_path,
+        "DIR",
+        f"default: {folder} (not tracked by git)",
+        factory=lambda: results_root() / benchmark,
+    )
+
+
+def page_argument(benchmark: str) -> Any:
+    """Declare the page of a table."""
+    default = str(results_root() / f"docs/{benchmark}.md")
+    return argument(read_absolute_path, "FILE", "the page", default=default)
 
 
 Requested = TypeVar("Requested", bound=CaseRequest)
@@ -113,6 +141,21 @@ def read_rows(output: Path) -> list[Any]:
         hint = "the action `run` of this command writes them"
         raise InputError("there are no rows", where=str(output), hint=hint)
     return sorted(rows, key=lambda row: (row["system"], row["twin"], row["seed"]))
+
+
+def write_table(output: Path, page: Path, document: Callable[[Sequence[Any]], str]) -> None:
+    """Write the page of all rows of a folder, and the rows beside it as JSON lines.
+
+    Args:
+        output: folder of the rows.
+        page: the page.
+        document: returns the page of rows as Markdown.
+
+    Raises:
+        InputError: there are no rows.
+    """
+    rows = read_rows(output)
+    write_page(page, document(rows), rows)
 
 
 def run_cases(

@@ -24,9 +24,10 @@ def _programs(argv: list[str]) -> int:
 
     request = read_words(argv)
     if request.action == "document":
-        from dashred.evaluation.programs.document import write_document
+        from dashred.evaluation.case_rows import write_table
+        from dashred.evaluation.programs.document import document
 
-        write_document(request)
+        write_table(request.output, request.document, document)
         return DONE
     from dashred.evaluation.programs.run import run_programs
 
@@ -40,9 +41,10 @@ def _estimators(argv: list[str]) -> int:
 
     request = read_words(argv)
     if request.action == "document":
-        from dashred.evaluation.estimators.document import write_document
+        from dashred.evaluation.case_rows import write_table
+        from dashred.evaluation.estimators.document import document
 
-        write_document(request)
+        write_table(request.output, request.document, document)
         return DONE
     from dashred.evaluation.estimators.run import run_estimators
 
@@ -56,9 +58,10 @@ def _networks(argv: list[str]) -> int:
 
     request = read_words(argv)
     if request.action == "document":
-        from dashred.evaluation.networks.document import write_document
+        from dashred.evaluation.case_rows import write_table
+        from dashred.evaluation.networks.document import document
 
-        write_document(request)
+        write_table(request.output, request.document, document)
         return DONE
     from dashred.evaluation.networks.run import run_networks
 

@@ -66,20 +66,15 @@ def analyse(config: Config) -> None:
     from dashred.evaluation.baselines.kalman_filter import filter_augmented, filter_state
     from dashred.evaluation.baselines.optimal_interpolation import optimal_interpolation
     from dashred.evaluation.baselines.plain_shred import plain_shred
+    from dashred.evaluation.baselines.single_episode import single_episode
     from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
-    from dashred.pipeline.input.build_problem import build_problem
-    from dashred.pipeline.run import provenance
     from dashred.pipeline.run.output_dir import make_output
     from dashred.pipeline.simulation.ensembles import simulate_ensemble
     from dashred.pipeline.simulation.nominal_run import simulate_nominal
     from dashred.pipeline.simulation.state_samples import StateSamples
 
     assert config.output is not None
-    provenance.prepare_torch(config)
-    problem = build_problem(config).without_budget()
-    if problem.others:
-        fault = "the baselines read one episode, and the recording has several"
-        raise InputError(fault, where=config.recording.path)
+    problem = single_episode(config)
     with problem.scratch.removed_at_the_end():
         nominal = simulate_nominal(problem, {})
         problem = keep_identifiable_terms(

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dashred.config import Config, load_config
-from dashred.core.errors import DONE, InputError, run_entry
+from dashred.core.errors import DONE, run_entry
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -84,19 +84,14 @@ def analyse(config: Config) -> None:
     Raises:
         InputError: the recording has several episodes.
     """
+    from dashred.evaluation.baselines.single_episode import single_episode
     from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
-    from dashred.pipeline.input.build_problem import build_problem
-    from dashred.pipeline.run import provenance
     from dashred.pipeline.simulation.longer_step import with_longer_step
     from dashred.pipeline.simulation.nominal_run import simulate_nominal
     from dashred.pipeline.simulation.state_samples import state_samples
 
     assert config.output is not None
-    provenance.prepare_torch(config)
-    problem = build_problem(config).without_budget()
-    if problem.others:
-        fault = "the networks are fitted to one episode here, and the recording has several"
-        raise InputError(fault, where=config.recording.path)
+    problem = single_episode(config)
     with problem.scratch.removed_at_the_end():
         nominal = simulate_nominal(problem, {})
         problem = keep_identifiable_terms(problem, state_samples(problem, nominal))

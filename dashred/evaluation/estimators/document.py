@@ -6,25 +6,12 @@ from collections.abc import Sequence
 from statistics import median
 
 from dashred.core.templates import render
-from dashred.evaluation.case_rows import read_rows
-from dashred.evaluation.estimators.arguments import Request
 from dashred.evaluation.estimators.rows import Errors, Row, ratio
-from dashred.evaluation.json_lines import write_page
 from dashred.evaluation.proof.scoring.statistics import Rate
 
 TEMPLATE = "evaluation/estimators/templates/estimators.md.j2"
 # Largest ratio to the error of the filter that is aimed at, and one that is aimed at everywhere.
 NEAR, EVERYWHERE = 1.5, 2.0
-
-
-def write_document(request: Request) -> None:
-    """Write the page, and the rows beside it as JSON lines.
-
-    Raises:
-        InputError: there are no rows.
-    """
-    rows: list[Row] = read_rows(request.output)
-    write_page(request.document, document(rows), rows)
 
 
 def document(rows: Sequence[Row]) -> str:

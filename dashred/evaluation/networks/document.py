@@ -7,9 +7,6 @@ from statistics import median
 
 from dashred.core.templates import render
 from dashred.evaluation.baselines.assimilations import VARIANTS
-from dashred.evaluation.case_rows import read_rows
-from dashred.evaluation.json_lines import write_page
-from dashred.evaluation.networks.arguments import Request
 from dashred.evaluation.networks.rows import (
     DYNAMICS,
     SHRED,
@@ -27,16 +24,6 @@ TEMPLATE = "evaluation/networks/templates/networks.md.j2"
 TO_SHRED, TO_SIMULATION, NO_WORSE = 0.5, 0.1, 1.05
 METHODS = (SIMULATION, SHRED, *VARIANTS)
 LAWS = ("alg1", "alg2", *(name for name, variant in VARIANTS.items() if variant.dynamics))
-
-
-def write_document(request: Request) -> None:
-    """Write the page, and the rows beside it as JSON lines.
-
-    Raises:
-        InputError: there are no rows.
-    """
-    rows: list[Row] = read_rows(request.output)
-    write_page(request.document, document(rows), rows)
 
 
 def document(rows: Sequence[Row]) -> str:

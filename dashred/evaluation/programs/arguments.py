@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from dashred.config.bundled_systems import results_root
-from dashred.core.command_line.argument_types import read_absolute_path
-from dashred.core.command_line.arguments import Command, argument
-from dashred.evaluation.case_rows import CaseRequest, read_action
+from dashred.core.command_line.arguments import Command
+from dashred.evaluation.case_rows import (
+    CaseRequest,
+    output_argument,
+    page_argument,
+    read_action,
+)
 
 BENCHMARK = "programs"
 
@@ -17,15 +20,8 @@ BENCHMARK = "programs"
 class Request(CaseRequest):
     """Settings of one command."""
 
-    output: Path = argument(
-        read_absolute_path,
-        "DIR",
-        f"default: {results_root() / BENCHMARK} (not tracked by git)",
-        factory=lambda: results_root() / BENCHMARK,
-    )
-    document: Path = argument(
-        read_absolute_path, "FILE", "the page", default=str(results_root() / "docs/programs.md")
-    )
+    output: Path = output_argument(BENCHMARK)
+    document: Path = page_argument(BENCHMARK)
 
 
 COMMAND = Command(

@@ -6,25 +6,12 @@ from collections.abc import Sequence
 from statistics import median
 
 from dashred.core.templates import render
-from dashred.evaluation.case_rows import read_rows
-from dashred.evaluation.json_lines import write_page
-from dashred.evaluation.programs.arguments import Request
 from dashred.evaluation.programs.rows import Answer, Row
 from dashred.evaluation.proof.scoring.statistics import Rate
 
 TEMPLATE = "evaluation/programs/templates/programs.md.j2"
 # A coefficient may differ from the true one by so many of its std.
 STDS = 2.0
-
-
-def write_document(request: Request) -> None:
-    """Write the page, and the rows beside it as JSON lines.
-
-    Raises:
-        InputError: there are no rows.
-    """
-    rows: list[Row] = read_rows(request.output)
-    write_page(request.document, document(rows), rows)
 
 
 def document(rows: Sequence[Row]) -> str:
