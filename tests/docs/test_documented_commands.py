@@ -184,6 +184,13 @@ def program_words(words: list[str], folder: Path) -> None:
     read_words(words[2:])
 
 
+def network_words(words: list[str], folder: Path) -> None:
+    """Read the words of a table of networks."""
+    from dashred.evaluation.networks.arguments import read_words
+
+    read_words(words[2:])
+
+
 def follow_words(words: list[str], folder: Path) -> None:
     """Read the words of a stream; the run and the source need not be there."""
     from dashred.pipeline.follow.command import COMMAND
@@ -212,6 +219,7 @@ WORDS: dict[str, Check] = {
     r"dashred prove cases=.*": proof_words,
     r"dashred evaluate foreign (plan|run|document) tag=.*": foreign_words,
     r"dashred evaluate programs (run|document).*": program_words,
+    r"dashred evaluate networks (run|document).*": network_words,
 }
 # What `make test-all` runs to the end, by where it leaves its findings; each takes minutes. Benches
 # and proofs take hours.
