@@ -120,7 +120,7 @@ def _fit(
     from dashred.pipeline.simulation.ensembles import simulate_ensemble
 
     trained: dict[str, float] = {}
-    [(name, first), *_] = variants.items()
+    first = next(iter(variants.values()))
     whole = replace(problem, config=first.of(problem.config))
     ensemble = simulate_ensemble(whole, nominal, trained)
     network = train_shred(whole, ensemble, NullTracker(), trained, "SHRED")

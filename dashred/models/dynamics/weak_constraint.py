@@ -140,7 +140,13 @@ class WeakConstraint:
             error: q, in std of a field.
             weight: of the background.
         """
-        read, forecast, steps = self._readings(at)
+        return self._residuals(at, self._readings(at), error, weight)
+
+    def _residuals(
+        self, at: Unknowns, readings: tuple[Tensor, Tensor, Tensor], error: float, weight: float
+    ) -> Residuals:
+        """Return the residuals of readings that are known."""
+        read, forecast, steps = readings
         scale = self._of_step / error * self.spread
         following = torch.roll(at.states, -1, dims=0)
         changes = (at.states - self.guess) @ self._background.T
@@ -174,7 +180,8 @@ class WeakConstraint:
         Raises:
             OutOfTimeError: it is up.
         """
-        base, own = self._readings(at), self.residuals(at, error, weight)
+        base = self._readings(at)
+        own = self._residuals(at, base, error, weight)
         modes = len(self.spread)
         by_state = []
         for k in range(modes):

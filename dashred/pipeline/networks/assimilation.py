@@ -167,7 +167,7 @@ def fit_transform(
             last = discovery.epochs[-1]
             proposals[NAME], fitted = law.finish(module, (data.windows, data.fitted), last)
             coefficients[NAME] = law.history
-            if fitted is not None and _is_confirmed(module, fitted, data, best_epoch):
+            if fitted is not None and _take_final(module, fitted, data, best_epoch):
                 best_epoch = last
         report(1.0, f"best after {best_epoch} epochs, RMSE {best.best:.3f} on validation")
     if not proposes:
@@ -191,10 +191,12 @@ def fit_transform(
     return result, module.encoder
 
 
-def _is_confirmed(
+def _take_final(
     module: DynamicAssimilation, fitted: Fitted, data: RecordingDataModule, best_epoch: int
 ) -> bool:
     """Take the minimum with the final law, unless the validation readings contradict it.
+
+    Returns whether it was taken.
 
     The lowest error of some epochs is low by chance, too, so that the final one may be a little
     higher. Where no epoch was better than SHRED, it has to be lower.
