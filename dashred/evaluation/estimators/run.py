@@ -10,15 +10,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.config import load_config
 from dashred.core.findings.findings import check_freeze
 from dashred.evaluation.case_rows import Case, run_cases
+from dashred.evaluation.concealed_twin import RECORDING, SEALED, record_concealed
 from dashred.evaluation.estimators.arguments import BENCHMARK, Request
 from dashred.evaluation.estimators.rows import Errors, Row, ratio
 from dashred.evaluation.estimators.true_filter import filter_truth
 from dashred.evaluation.isolation.analysis import FOUND, GIVEN, Analysis, analyse
 from dashred.evaluation.twins.findings_reader import read_findings
-from dashred.evaluation.twins.record_command import record
 from dashred.evaluation.twins.score_command import load_fields, true_states
 from dashred.evaluation.twins.scoring import field_scale, rmse, scaled_errors, score_law
 from dashred.evaluation.twins.sealing import open_seal
@@ -27,7 +26,6 @@ from dashred.pipeline.verification.findings_files import SPREAD
 
 Array = NDArray[np.float64]
 
-RECORDING, SEALED = "recording.nc", "sealed.nc"
 # Half-width of a 90 % band in standard deviations.
 Z90 = 1.645
 
@@ -39,18 +37,14 @@ def run_estimators(request: Request) -> None:
 
 def _run_case(request: Request, case: Case) -> Row:
     """Return the row of a case. The analysis is a process of its own that sees the recording."""
-    twin = [f"conf={case.system}", f"recording.twin={case.twin}"]
     with tempfile.TemporaryDirectory(prefix="dashred-estimators-") as name:
         folder, found = Path(name) / "case", Path(name) / "findings"
-        noise = f"recording.noise={request.noise:g}"
-        record(load_config([*twin, noise, f"seed={case.seed}"], entry="record"), folder)
+        # While the analysis runs, the truth is in the memory of this process alone.
+        sealed = record_concealed(case, request.noise, folder)
         common = [f"conf={case.system}", f"seed={case.seed}", "threads=1"]
         words = [*common, f"recording.path={GIVEN}/{RECORDING}", f"output={FOUND}"]
         if request.budget is not None:
             words.append(f"budget={request.budget}")
-        # While the analysis runs, the truth is in the memory of this process alone.
-        sealed = (folder / SEALED).read_bytes()
-        (folder / SEALED).unlink()
         files = {RECORDING: (folder / RECORDING).read_bytes()}
         answer = analyse(Analysis(files, tuple(words), float(request.limit)))
         row = _empty_row(request, case, answer.problem)

@@ -11,20 +11,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from dashred.config import load_config
 from dashred.core.errors import DONE
 from dashred.core.findings.findings import sha256_of
 from dashred.core.job_control import last_line
 from dashred.evaluation.baselines.assimilations import FIELDS, LAWS, VARIANTS
 from dashred.evaluation.case_rows import Case, run_cases
+from dashred.evaluation.concealed_twin import RECORDING, SEALED, record_concealed
 from dashred.evaluation.networks.arguments import BENCHMARK, Request
 from dashred.evaluation.networks.rows import DYNAMICS, SHRED, LawScore, Row, ratio
-from dashred.evaluation.twins.record_command import record
 from dashred.evaluation.twins.score_command import load_fields, true_states
 from dashred.evaluation.twins.scoring import law_of_findings, law_of_truth, rmse, scaled_errors
 from dashred.evaluation.twins.sealing import Truth, open_seal
 
-RECORDING, SEALED, LOG = "recording.nc", "sealed.nc", "log.txt"
+LOG = "log.txt"
 
 
 def run_networks(request: Request) -> None:
@@ -44,14 +43,10 @@ def _run_case(request: Request, case: Case) -> Row:
         laws={},
         seconds={},
     )
-    twin = [f"conf={case.system}", f"recording.twin={case.twin}", f"seed={case.seed}"]
-    noise = f"recording.noise={request.noise:g}"
     with tempfile.TemporaryDirectory(prefix="dashred-networks-") as name:
         folder, found = Path(name) / "case", Path(name) / "found"
-        record(load_config([*twin, noise], entry="record"), folder)
         # While the networks are fitted, the truth is in the memory of this process alone.
-        sealed = (folder / SEALED).read_bytes()
-        (folder / SEALED).unlink()
+        sealed = record_concealed(case, request.noise, folder)
         problem = _fit(request, case, folder / RECORDING, found)
         if problem is not None:
             row["problem"] = problem
