@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -76,17 +77,18 @@ def _best_law(
     module: DynamicAssimilation, batch: tuple[Tensor, Tensor], at: Fitted, penalty: float
 ) -> Tensor:
     """Return the coefficients of the set with the lowest score on the linearised problem."""
-    fit, error = module.state_fit(batch[1]), module.least_error
-    matrix, gradient, precision = fit.law_equations(at.unknowns, error)
-    prior = torch.full((len(gradient),), precision, dtype=torch.float64)
-    profiled = ProfiledProblem(matrix - torch.diag(prior), -gradient, 0.0, prior)
+    fit, law = module.state_fit(batch[1]), at.unknowns.law.numpy()
+    changes = fit.law_equations(at.unknowns, module.least_error)
+    if changes is None:
+        return at.coefficients
+    profiled = ProfiledProblem.from_change(changes, law, np.full_like(law, fit.problem.precision))
     sets = {
         members: cost / 2 + len(members) * penalty
-        for found in beam_search(profiled, [False] * len(gradient))
+        for found in beam_search(profiled, [False] * len(law))
         for members, cost in found.items()
     }
     chosen = min(sets, key=sets.__getitem__)
-    law = torch.zeros(len(gradient), dtype=torch.float64)
+    best = torch.zeros(len(law), dtype=torch.float64)
     if chosen:
-        law[list(chosen)] = profiled.coefficients(chosen)
-    return law * module.dynamics.scales
+        best[list(chosen)] = profiled.coefficients(chosen)
+    return best * module.dynamics.scales

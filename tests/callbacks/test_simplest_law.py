@@ -11,8 +11,9 @@ from torch import Tensor
 
 from callbacks.simplest_law import simplest_law
 from dashred.core.budget import OutOfTimeError
+from dashred.core.numerics.block_tridiagonal import Array
 from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation
-from dashred.models.dynamics.state_fit import Fitted, LawEquations, StateFit
+from dashred.models.dynamics.state_fit import Fitted, StateFit
 from dashred.models.dynamics.weak_constraint import Unknowns
 from tests.callbacks.test_law_regression import COEFFICIENT, module
 from tests.models.dynamics.test_dynamic_assimilation import data, real, shred, system
@@ -43,10 +44,10 @@ def losses_of(monkeypatch, gains: dict[int, float], readings: int, step_error: f
         law = (coefficients != 0).double()
         return Fitted(Unknowns(torch.zeros(2, 3), law), law * self.dynamics.scales, parts)
 
-    def law_equations(self, at: Unknowns, error: float) -> LawEquations:
-        # Without a prior, term j lowers the loss by gⱼ².
-        gradient = -torch.tensor([gains.get(j, 0.0) for j in range(TERMS)]).double().sqrt()
-        return LawEquations(torch.eye(TERMS).double(), gradient, 0.0)
+    def law_equations(self, at: Unknowns, error: float) -> tuple[Array, Array, float]:
+        # With little prior, term j lowers the loss by gⱼ².
+        lowered = np.sqrt([gains.get(j, 0.0) for j in range(TERMS)])
+        return np.eye(TERMS), lowered - at.law.numpy(), 0.0
 
     monkeypatch.setattr(DynamicAssimilation, "refit", refit)
     monkeypatch.setattr(StateFit, "law_equations", law_equations)
@@ -91,6 +92,12 @@ def test_steps_that_do_not_fit_decide_nothing(module, data, monkeypatch):
     assert law_of(module, data, [2, 3]) == [2, 3]
 
 
+def test_without_a_factor_the_law_of_the_proposal_stays(module, data, monkeypatch):
+    losses_of(monkeypatch, {TRUE: 200.0}, data.fitted.numel())
+    monkeypatch.setattr(StateFit, "law_equations", lambda *_: None)
+    assert law_of(module, data, [2, 3]) == [2, 3]
+
+
 def test_missing_readings_do_not_count(module, data, monkeypatch):
     data.fitted[5:] = torch.nan
     count = int((~data.fitted.isnan()).sum())
@@ -109,7 +116,7 @@ def test_the_missing_term_is_found_from_a_wrong_proposal(module, data):
 def test_without_time_the_law_of_the_proposal_stays(module, data, monkeypatch):
     losses_of(monkeypatch, {TRUE: 200.0}, data.fitted.numel())
 
-    def late(*_) -> LawEquations:
+    def late(*_) -> None:
         raise OutOfTimeError
 
     monkeypatch.setattr(StateFit, "law_equations", late)

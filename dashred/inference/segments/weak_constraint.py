@@ -18,9 +18,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dashred.core.budget import NEVER, Deadline
+from dashred.core.numerics.block_tridiagonal import BlockNormal
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.parameter_block import NO_PARAMETERS, ParameterBlock
-from dashred.inference.segments.block_tridiagonal import BlockNormal
 from dashred.inference.segments.point import Linearisation, Point
 from dashred.inference.segments.segments import Array, Segments
 from dashred.inference.segments.state_sensors import ReadChanges, StateSensors

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from torch.linalg import LinAlgError  # type: ignore[attr-defined]
+import torch
 
 from dashred.core.budget import OutOfTimeError
 from dashred.models.dynamics.weak_constraint import Residuals, Unknowns, WeakConstraint
@@ -44,12 +44,11 @@ def minimise(
             break
         before = found.cost
         for _ in range(TRIALS):
-            try:
-                states, law = equations.solve(damping)
-            except LinAlgError:
+            step = equations.step(damping)
+            if step is None:
                 damping *= FACTOR
                 continue
-            moved = at.moved(states, law, terms)
+            moved = at.moved(torch.from_numpy(step[0]), torch.from_numpy(step[1]), terms)
             there = problem.residuals(moved, error, weight)
             # Written so that a simulator that blows up counts as a failure.
             if there.cost < before:

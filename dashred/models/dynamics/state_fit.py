@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-import torch
+import numpy as np
 from jaxtyping import Float
 from torch import Tensor
 
+from dashred.core.numerics.block_tridiagonal import Array
 from dashred.models.dynamics.gauss_newton import minimise
 from dashred.models.dynamics.weak_constraint import Residuals, Unknowns, WeakConstraint
 
@@ -30,22 +31,6 @@ class Fitted(NamedTuple):
     unknowns: Unknowns
     coefficients: Tensor
     parts: dict[str, float]
-
-
-class LawEquations(NamedTuple):
-    """The loss times the number of readings as a function of the law, ``c + 2 gᵀξ + ξᵀ G ξ``.
-
-    ξ is in units of the scales. The states follow it.
-
-    Attributes:
-        matrix: G, ``(term, term)``.
-        gradient: g, ``(term,)``.
-        precision: of the prior of a coefficient; it is part of G.
-    """
-
-    matrix: Tensor
-    gradient: Tensor
-    precision: float
 
 
 class StateFit:
@@ -76,17 +61,23 @@ class StateFit:
         dynamics.set_law(coefficients)
         return Fitted(unknowns, coefficients, _parts(residuals, self.problem.count))
 
-    def law_equations(self, at: Unknowns, error: float) -> LawEquations:
-        """Return the loss as a function of the coefficients of all terms, linearised at a point.
+    def law_equations(self, at: Unknowns, error: float) -> tuple[Array, Array, float] | None:
+        """Return G, g and c of the loss, ``c - 2 gᵀδξ + δξᵀ G δξ``, linearised at a point.
+
+        The loss is that of all readings, and the states follow the law. δξ is the change of the
+        coefficients of all terms in units of their scales. None where rounding has left the normal
+        equations without a Cholesky factor.
 
         Raises:
             OutOfTimeError: the time is up.
         """
         terms = range(len(at.law))
         equations = self.problem.equations(at, terms, error, _weight(error), self.is_over)
-        matrix, gradient = equations.eliminated()
-        precision = self.problem.precision
-        return LawEquations(_bounded(matrix, precision), gradient - matrix @ at.law, precision)
+        profiled = equations.profiled()
+        if profiled is None:
+            return None
+        gram, target, cost = profiled
+        return _bounded(gram, self.problem.precision), target, cost
 
 
 def _weight(error: float) -> float:
@@ -98,11 +89,12 @@ def _weight(error: float) -> float:
     return (error / FIRST_ERROR) ** 2
 
 
-def _bounded(matrix: Tensor, precision: float) -> Tensor:
+def _bounded(gram: Array, precision: float) -> Array:
     """Return G with no eigenvalue below the precision of the prior, but for rounding errors."""
-    values, vectors = torch.linalg.eigh(matrix)
+    values, vectors = np.linalg.eigh(gram)
     least = max(precision, LEAST_EIGENVALUE * float(values.max()))
-    return vectors * values.clamp(min=least) @ vectors.T
+    bounded: Array = vectors * values.clip(min=least) @ vectors.T
+    return bounded
 
 
 def _parts(residuals: Residuals, count: int) -> dict[str, float]:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from dashred.core.budget import OutOfTimeError
+from dashred.core.numerics.block_tridiagonal import BlockNormal
 from dashred.data.observation_operator import ObservationOperator
-from dashred.models.dynamics.chain_equations import ChainEquations
 from dashred.models.dynamics.sampled_dynamics import SampledDynamics
 from dashred.models.pod import POD
 
@@ -167,7 +168,7 @@ class WeakConstraint:
         error: float,
         weight: float,
         is_over: Callable[[], bool],
-    ) -> ChainEquations:
+    ) -> BlockNormal:
         """Return the normal equations of the linearised residuals.
 
         Args:
@@ -217,7 +218,16 @@ class WeakConstraint:
         flat = of_law.flatten(0, 1)
         corner = flat.T @ flat + self.precision * torch.eye(len(by_law), dtype=flat.dtype)
         common = flat.T @ residual.flatten() + self._of_law * own.law[list(terms)]
-        return ChainEquations(diagonal, to_next[:-1], border, corner, gradient, common)
+        return BlockNormal(
+            diagonal.numpy(),
+            to_next[:-1].mT.numpy(),
+            border.numpy(),
+            corner.numpy(),
+            -gradient.numpy(),
+            -common.numpy(),
+            own.cost,
+            damped=np.ones(gradient.shape),
+        )
 
     def _readings(self, at: Unknowns) -> tuple[Tensor, Tensor, Tensor]:
         """Return the readings of the states and of the forecasts, and the modes of the forecasts.

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dashred.core.numerics.block_tridiagonal import BlockNormal
 from dashred.data.sensors import Sensor
-from dashred.inference.segments.block_tridiagonal import BlockNormal
 from dashred.inference.segments.point import Point
 from dashred.inference.segments.segments import Array, cut
 from dashred.inference.segments.state_sensors import StateSensors

@@ -10,11 +10,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from scipy.linalg import qr
 from torch import Tensor
 
+from dashred.core.numerics.block_tridiagonal import Array
 from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.normal_equations import solve
 
@@ -62,6 +64,26 @@ class ProfiledProblem:
             columns.T @ residual,
             float(residual.square().sum()),
             normal.precision[modes:],
+        )
+
+    @classmethod
+    def from_change(
+        cls, changes: tuple[Array, Array, float], at: Array, precision: Array
+    ) -> ProfiledProblem:
+        """Return the problem in the coefficients, given the one in their change from a point.
+
+        Args:
+            changes: H, h and d of ``F(ξ₀ + δ) = d - 2 hᵀδ + δᵀ H δ``, where H includes the prior.
+            at: ξ₀, ``(candidate,)``.
+            precision: of the prior, ``(candidate,)``.
+        """
+        gram, target, cost = changes
+        constant = cost + float(2 * target @ at + at @ gram @ at)
+        return cls(
+            torch.from_numpy(gram - np.diag(precision)),
+            torch.from_numpy(target + gram @ at),
+            constant,
+            torch.from_numpy(precision),
         )
 
     def costs(self, sets: Sequence[tuple[int, ...]]) -> Tensor:

@@ -16,7 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dashred.inference.segments.block_tridiagonal import BlockNormal
+from dashred.core.numerics.block_tridiagonal import BlockNormal
 from dashred.inference.segments.point import Linearisation
 from dashred.inference.segments.segments import Array
 from dashred.inference.segments.selection.correlated_noise import residual_moments

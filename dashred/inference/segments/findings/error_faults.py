@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dashred.core.numerics.block_tridiagonal import BlockNormal
 from dashred.inference.fit.law import ErrorCurve, SensorFault
-from dashred.inference.segments.block_tridiagonal import BlockNormal
 from dashred.inference.segments.segments import Array
 from dashred.inference.segments.selection.search import SegmentSearch
 from dashred.inference.segments.selection.set_selection import SegmentLaw

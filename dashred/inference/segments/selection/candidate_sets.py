@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-import torch
-
 from dashred.inference.fit.selection.subset_search import ProfiledProblem
 from dashred.inference.segments.point import Point
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
@@ -27,16 +24,7 @@ def profile(problem: WeakConstraintProblem, point: Point) -> ProfiledProblem | N
     profiled = None if normal is None else normal.profiled(problem.count)
     if profiled is None:
         return None
-    gram, target, cost = profiled
-    shifted = target + gram @ point.xi
-    constant = cost + float(2 * target @ point.xi + point.xi @ gram @ point.xi)
-    precision = problem.prior_std**-2
-    return ProfiledProblem(
-        torch.from_numpy(gram - np.diag(precision)),
-        torch.from_numpy(shifted),
-        constant,
-        torch.from_numpy(precision),
-    )
+    return ProfiledProblem.from_change(profiled, point.xi, problem.prior_std**-2)
 
 
 def beam_search(profiled: ProfiledProblem, extended: Sequence[bool]) -> list[dict[Set, float]]:

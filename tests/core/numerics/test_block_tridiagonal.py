@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from dashred.inference.segments.block_tridiagonal import BlockNormal
-from dashred.inference.segments.segments import Array
+from dashred.core.numerics.block_tridiagonal import Array, BlockNormal
 
 
 def assembled(normal: BlockNormal) -> tuple[Array, Array]:
@@ -53,6 +54,16 @@ def test_a_step_solves_the_whole_system(nodes: int, fields: int, shared: int) ->
     np.testing.assert_allclose(
         np.concatenate([step[0].ravel(), step[1]]), np.linalg.solve(whole, right)
     )
+
+
+def test_damping_multiplies_what_it_is_given() -> None:
+    normal = replace(drawn(7, 3, 4), damped=np.full((7, 3), 2.0))
+    whole, right = assembled(normal)
+    damped = np.concatenate([np.full(21, 2.0), normal.corner.diagonal()])
+    step = normal.step(0.3)
+    assert step is not None
+    expected = np.linalg.solve(whole + 0.3 * np.diag(damped), right)
+    np.testing.assert_allclose(np.concatenate([step[0].ravel(), step[1]]), expected)
 
 
 def test_profiling_eliminates_the_nodes() -> None:

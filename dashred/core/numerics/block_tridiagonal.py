@@ -16,9 +16,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, cho_solve_banded, cholesky_banded
 
-from dashred.inference.segments.segments import Array
+Array = NDArray[np.float64]
 
 # A diagonal element below this is that of an unknown without any effect.
 TINY = 1e-300
