@@ -2,7 +2,7 @@
 
 from callbacks.best_state import BestState
 from callbacks.latent_discovery import LatentDiscovery
-from callbacks.law_regression import LawRegression
+from callbacks.law_selection import LawSelection
 from callbacks.progress import StageProgress
 from callbacks.rmse_curves import RMSECurves
 from callbacks.time_limit import TimeLimit
@@ -10,7 +10,7 @@ from callbacks.time_limit import TimeLimit
 __all__ = [
     "BestState",
     "LatentDiscovery",
-    "LawRegression",
+    "LawSelection",
     "RMSECurves",
     "StageProgress",
     "TimeLimit",

@@ -65,6 +65,15 @@ class POD(nn.Module):
         basis, energy = _principal_modes(scaled[chosen] - mean, modes)
         return cls(mean, basis, scale, energy, tuple(states.shape[2:]))
 
+    def with_modes(self, modes: Float[Tensor, "mode cell"]) -> POD:
+        """Return the basis with other modes that begin like its own.
+
+        The energy of those beyond its own counts as zero.
+        """
+        kept = self.energy[: len(modes)]
+        energy = torch.nn.functional.pad(kept, (0, len(modes) - len(kept)))
+        return POD(self.mean, modes, self.scale, energy, self.grid)
+
     def encode(self, states: Float[Tensor, "*dims"]) -> Float[Tensor, "*batch mode"]:
         """Return the coefficients of states ``(*batch, field, *grid)``, in their dtype."""
         dtype = states.dtype

@@ -115,3 +115,11 @@ def test_what_is_left_out_is_the_part_beyond_the_modes() -> None:
     expected = 0.1 * rest.square().mean().sqrt() / both.std(correction=0)
     assert pod.left_out(both) == pytest.approx(float(expected), rel=1e-9)
     assert math.isnan(pod.left_out(torch.zeros_like(both)))
+
+
+def test_other_modes_have_the_energy_of_those_that_stay() -> None:
+    pod = POD.fit(random(12, 2, 4, 5), 3)
+    further = random(2, 40)
+    more = pod.with_modes(torch.cat([pod.modes, further]))
+    assert more.energy.tolist() == [*pod.energy.tolist(), 0.0, 0.0]
+    assert torch.equal(more.with_modes(pod.modes).energy, pod.energy)

@@ -17,7 +17,7 @@ class AdaptedDecoder(nn.Module):
 
     F has learnt the fields of a simulator. A real field may have coefficients that F gives for no
     latent state, although the POD basis contains it (Bao & Kutz 2025, §6, name the basis as a limit
-    of the method). A can reach every combination of POD modes.
+    of the method). A can reach every combination of POD modes, and modes that F does not know.
 
     Args:
         frozen: F, from latent states to POD coefficients in units of their std.
@@ -37,7 +37,23 @@ class AdaptedDecoder(nn.Module):
 
     def forward(self, latent: Float[Tensor, "*batch latent"]) -> Float[Tensor, "*batch mode"]:
         """Return ``F(h) + A(h)``."""
-        return torch.add(self.frozen(latent), self.adapter(latent))
+        return torch.add(self._known(latent), self.adapter(latent))
+
+    def resize(self, modes: int) -> None:
+        """Let A give another number of coefficients; those that it has had stay.
+
+        Args:
+            modes: number of coefficients. F gives zero for those beyond its own.
+        """
+        old = self.adapter[-1]
+        assert isinstance(old, nn.Linear)
+        kept = min(modes, old.out_features)
+        last = nn.Linear(old.in_features, modes)
+        with torch.no_grad():
+            for name, values in last.named_parameters():
+                values.zero_()
+                values[:kept] = old.get_parameter(name)[:kept]
+        self.adapter[-1] = last
 
     @torch.no_grad()
     def solve(
@@ -51,9 +67,15 @@ class AdaptedDecoder(nn.Module):
         assert isinstance(last, nn.Linear)
         features = nn.Sequential(*hidden)(latent).double()
         features = torch.cat([features, torch.ones_like(features[:, :1])], dim=1)
-        rest = (target - self.frozen(latent)).double()
+        rest = (target - self._known(latent)).double()
         gram = features.T @ features
         ridge = RIDGE * float(gram.diagonal().mean()) * torch.eye(len(gram), dtype=gram.dtype)
         found = torch.linalg.solve(gram + ridge, features.T @ rest)
         last.weight.copy_(found[:-1].T)
         last.bias.copy_(found[-1])
+
+    def _known(self, latent: Tensor) -> Tensor:
+        """Return F(h), and zero for the modes that F does not know."""
+        known, last = self.frozen(latent), self.adapter[-1]
+        assert isinstance(last, nn.Linear)
+        return nn.functional.pad(known, (0, last.out_features - known.shape[-1]))

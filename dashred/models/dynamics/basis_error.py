@@ -20,10 +20,12 @@ class BasisError(NamedTuple):
     Attributes:
         readings: RMS error of the readings of each sensor, ``(sensor,)``.
         step: largest RMS of the error of a step in the basis, in std of a field.
+        scheme: the part of it that a longer time step makes, which no basis can remove.
     """
 
     readings: Float[Tensor, " sensor"]
     step: float
+    scheme: float
 
 
 @torch.no_grad()
@@ -38,7 +40,8 @@ def basis_error(
 
     The error of readings is the representativeness error of data assimilation. With the projection
     P on the basis, and Φ* the simulator with its own time step, the error of a step is
-    ``P Φ(P u) − P Φ*(u)``. States from which the simulator blows up are left out.
+    ``P Φ(P u) − P Φ*(u)``, and that of the scheme ``P Φ(u) − P Φ*(u)``. States from which the
+    simulator blows up are left out.
 
     Args:
         pod: the basis.
@@ -49,13 +52,18 @@ def basis_error(
     """
     expressed = pod.decode(pod.encode(states))
     readings = (operator(expressed) - operator(states)).square().mean(dim=0).sqrt()
-    largest = 0.0
+    step = scheme = 0.0
     for block in dynamics.blocks():
         if block.episode is not dynamics.episodes[0]:
             break
         rows = slice(block.rows.start, block.rows.stop - 1)
-        own = dynamics.advance(block, expressed[rows])
-        true = accurate(states[rows].double(), block.begins, block.durations, None)
-        size = (pod.encode(own) - pod.encode(true)).square().sum(dim=1) / pod.modes.shape[1]
-        largest = max(largest, *size[size.isfinite()].sqrt().tolist())
-    return BasisError(readings, largest)
+        true = pod.encode(accurate(states[rows].double(), block.begins, block.durations, None))
+        step = max(step, _largest(pod, dynamics.advance(block, expressed[rows]), true))
+        scheme = max(scheme, _largest(pod, dynamics.advance(block, states[rows]), true))
+    return BasisError(readings, step, scheme)
+
+
+def _largest(pod: POD, forecasts: Tensor, true: Tensor) -> float:
+    """Return the largest RMS error of the forecasts in the basis, in std of a field."""
+    size = (pod.encode(forecasts) - true).square().sum(dim=1) / pod.modes.shape[1]
+    return max([0.0, *size[size.isfinite()].sqrt().tolist()])

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from dashred.models.assimilation import Assimilation, AssimilationSensors
 from dashred.models.dynamics.adapter import AdaptedDecoder
+from dashred.models.dynamics.basis_error import BasisError
 from dashred.models.dynamics.distillation import distil
+from dashred.models.dynamics.moving_basis import MovingBasis
 from dashred.models.dynamics.network_fit import LAW_PENALTY, NetworkFit
 from dashred.models.dynamics.sampled_dynamics import SampledDynamics
-from dashred.models.dynamics.state_fit import FIRST_ERROR, Fitted, StateFit
+from dashred.models.dynamics.state_fit import FIRST_ERROR, Minimum, StateFit
 from dashred.models.dynamics.weak_constraint import WeakConstraint
 from dashred.models.dynamics.whitening import Whitening
 from dashred.models.shred import SHRED, reconstruct
 
 # Smallest q, in units of the std of a field, and the factor from one epoch to the next.
 LEAST_ERROR, ANNEALING = 0.001, 0.3
+# The fit ends if q would not fall below this share of its last value.
+SETTLED = 0.9
 # Least error of the background, in std of a field: SHRED knows a field that never changes exactly.
 LEAST_BACKGROUND = 1e-3
 
@@ -36,13 +41,17 @@ class DynamicAssimilation(Assimilation):
     latent state, which leads past fields that fit the readings by chance. The later epochs minimise
     the same loss over the POD coefficients of all samples by Gauss–Newton steps
     (:mod:`.gauss_newton`), to which the networks are then fitted (:mod:`.distillation`). The
-    support of the law is chosen at the end of an epoch
-    (:class:`callbacks.law_regression.LawRegression`).
+    terms of the law are chosen at the end of an epoch
+    (:class:`callbacks.law_selection.LawSelection`). With an adapter, the basis then gets modes for
+    what the forecasts have outside of it (:mod:`.moving_basis`). The steps are not asked to fit
+    better than the forecasts lie in the basis, or than their numerical error.
 
     Attributes:
         first_guess: F(h_t), ``(time, field, *grid)``.
         background: b in the units of the fields, ``(field,)``.
-        steps_fit: whether the errors of the steps were within q at the end of the last epoch.
+        error: q of the last epoch.
+        steps_fit: whether the errors of the steps were within q at its end.
+        minimum: of the loss in the last epoch; None after the first one.
 
     Args:
         shred: network trained on simulations.
@@ -53,7 +62,7 @@ class DynamicAssimilation(Assimilation):
         background: b, RMSE of SHRED on simulations that it has not seen, in units of the std of
             each field, ``(field,)``.
         dynamics: the simulator from sample to sample.
-        least_error: the smallest q, in std of a field.
+        unexpressed: what the basis cannot express of a simulation.
         adapter: whether the decoder gets an adapter.
         is_over: whether the time is up.
     """
@@ -70,29 +79,31 @@ class DynamicAssimilation(Assimilation):
         windows: Tensor,
         background: Tensor,
         dynamics: SampledDynamics,
-        least_error: float,
+        unexpressed: BasisError,
         adapter: bool,
         is_over: Callable[[], bool],
     ) -> None:
         # The rates are those of Adam, which does not fit this module.
         super().__init__(shred, sensors, width, penalty, rate=0.0, encoder_rate=0.0)
         self.automatic_optimization = False
-        self.dynamics, self.least_error, self.is_over = dynamics, least_error, is_over
-        self._error, self.steps_fit = FIRST_ERROR, False
+        self.dynamics, self.is_over = dynamics, is_over
+        self.error, self.steps_fit = FIRST_ERROR, False
+        self.minimum: Minimum | None = None
+        own_error = unexpressed.scheme if adapter else unexpressed.step
+        self.least_error = max(LEAST_ERROR, own_error)
         with torch.no_grad():
             states = shred.encode(windows)
-            self._guess = shred.decoder(states)
+            coefficients = shred.decoder(states)
         guess = reconstruct(shred.encode, shred, windows)
         self.register_buffer("first_guess", guess, persistent=False)
         least = background.clamp(min=LEAST_BACKGROUND)
         self.register_buffer("background", least * dynamics.spread, persistent=False)
         transform = self.encoder.transform
         transform.residual = nn.Sequential(Whitening(states), *transform.residual)
-        self.fitted = list(transform.parameters())
         if adapter:
             adapted = AdaptedDecoder(shred.decoder, Whitening(states), width, len(shred.spread))
             self.shred.decoder = nn.Sequential(adapted)
-            self.fitted += adapted.adapter.parameters()
+        self.basis = MovingBasis(self.shred, self.sensors, coefficients, unexpressed.readings)
 
     def configure_optimizers(self) -> torch.optim.Optimizer:
         """Return L-BFGS for the first epoch; the later ones have methods of their own."""
@@ -104,56 +115,62 @@ class DynamicAssimilation(Assimilation):
         with torch.no_grad():
             latent = self.shred.encode(windows)
         network = self.network_fit()
-        if not bool(network.losses(latent, readings, self._error, 1.0)["train"].isfinite()):
-            # The simulator blows up with the law that the last regression has chosen.
+        if not bool(network.losses(latent, readings, self.error, 1.0)["train"].isfinite()):
+            # The simulator blows up with the law that was chosen after the last epoch.
             self.dynamics.set_law(torch.zeros_like(self.dynamics.scales))
         if self.current_epoch == 0:
             optimizer = self.optimizers(use_pl_optimizer=False)
             assert isinstance(optimizer, torch.optim.Optimizer)
-            found = network.minimise(optimizer, latent, readings, self._error, 1.0)
+            found = network.minimise(optimizer, latent, readings, self.error, 1.0)
             parts = {name: float(value) for name, value in found.items()}
         else:
-            self._error = self._next_error(self.current_epoch)
-            fitted = self.state_fit(readings).fit(self._present(latent), self._error)
-            parts = fitted.parts | {"network_error": self.take(windows, fitted)}
+            self.error = self._next_error(self.current_epoch)
+            self.minimum = self.loss(readings).fit(self._present(latent), self.error)
+            left = self.take(windows, self.minimum)
+            parts = self.minimum.fitted.parts | {"network_error": left}
         self.steps_fit = parts.get("step_error", 2.0) <= 1.0
+        self._support, self._last = self.dynamics.support.clone(), self.fields(windows)
         for name, value in parts.items():
             self.log(f"loss/{name}", value, on_step=False, on_epoch=True, batch_size=len(windows))
         return torch.tensor(parts.get("train", torch.inf))
 
-    def refit(
-        self, batch: tuple[Tensor, Tensor], coefficients: Tensor, start: Tensor | None = None
-    ) -> Fitted:
-        """Return the minimum with another law, at the smallest q. The networks stay as they are.
+    def on_train_epoch_end(self) -> None:
+        """Let the basis grow; end the fit if neither q nor the terms of the law change any more."""
+        self.basis.grow(self.dynamics, self._last, self.error)
+        self.log("basis/outside", self.basis.outside)
+        self.log("basis/modes", float(len(self.shred.spread)))
+        settled = self.steps_fit and self._next_error(self.current_epoch + 1) > SETTLED * self.error
+        if self.current_epoch and settled and torch.equal(self.dynamics.support, self._support):
+            self.trainer.should_stop = True
 
-        Args:
-            batch: windows and fitted values of all samples.
-            coefficients: of the law, ``(term,)``; those that are not zero are fitted.
-            start: states at which the fit begins, ``(time, mode)``; None for those of the networks.
-        """
-        windows, readings = batch
-        self.dynamics.set_law(coefficients)
-        if start is None:
-            with torch.no_grad():
-                start = self._present(self.shred.encode(windows))
-        return self.state_fit(readings).fit(start, self.least_error)
+    def load_state_dict(
+        self, state_dict: Mapping[str, Any], strict: bool = True, assign: bool = False
+    ) -> Any:
+        """Take a state, with as many modes as it has."""
+        self.basis.resize(state_dict["shred.pod.modes"], state_dict["shred.spread"])
+        return super().load_state_dict(state_dict, strict, assign)
 
     @property
-    def is_settled(self) -> bool:
-        """Whether the steps fit the smallest q."""
-        return self.steps_fit and self._error <= self.least_error
+    def fitted(self) -> list[nn.Parameter]:
+        """The weights of T, and of the adapter."""
+        adapted = self.basis.adapted
+        weights = [] if adapted is None else adapted.adapter.parameters()
+        return [*self.encoder.transform.parameters(), *weights]
 
-    def take(self, windows: Tensor, fitted: Fitted) -> float:
-        """Take a law and fit the networks to its states; return what is left, RMS in std."""
+    def take(self, windows: Tensor, minimum: Minimum) -> float:
+        """Take the law and the basis of a minimum, and fit the networks to its states.
+
+        Returns:
+            What is left, RMS in std.
+        """
+        fitted, problem = minimum.fitted, minimum.loss.problem
         self.dynamics.set_law(fitted.coefficients)
-        decoder: nn.Module = self.shred.decoder
-        if isinstance(decoder, nn.Sequential) and isinstance(decoder[0], AdaptedDecoder):
-            decoder = decoder[0]
+        self.basis.resize(problem.pod.modes, problem.spread.float())
         with torch.no_grad():
             latent = self.shred.encode(windows)
         scale = self.shred.spread / self.shred.pod.modes.shape[1] ** 0.5
-        states, transform = fitted.unknowns.states, self.encoder.transform
-        return distil(transform, decoder, self.fitted, latent, states, scale)
+        decoder, transform = self.basis.adapted or self.shred.decoder, self.encoder.transform
+        return distil(transform, decoder, self.fitted, latent, fitted.unknowns.states, scale)
 
     def network_fit(self) -> NetworkFit:
         """Return the loss of the networks."""
@@ -169,7 +186,7 @@ class DynamicAssimilation(Assimilation):
             self.is_over,
         )
 
-    def state_fit(self, readings: Tensor) -> StateFit:
+    def loss(self, readings: Tensor) -> StateFit:
         """Return the loss of the states.
 
         Args:
@@ -182,7 +199,7 @@ class DynamicAssimilation(Assimilation):
             self.sensors.fit,
             self.sensors.noise,
             readings,
-            self._guess,
+            self.basis.guess,
             self.background,
             LAW_PENALTY,
         )
@@ -199,8 +216,10 @@ class DynamicAssimilation(Assimilation):
         The networks of the first epoch may not have come to their minimum: q falls in any case.
         """
         if self.steps_fit or epoch == 1:
-            return max(self.least_error, self._error * ANNEALING)
-        return self._error
+            return min(
+                self.error, max(self.least_error, self.error * ANNEALING, self.basis.outside)
+            )
+        return self.error
 
     def validation_step(self, batch: tuple[Tensor, Tensor, Tensor], index: int) -> None:
         """Log the mean squared error on the fit and the validation sensors.
@@ -230,15 +249,7 @@ class DynamicAssimilation(Assimilation):
     def _validation_readings(self, fields: Tensor) -> Tensor:
         """Return what the validation sensors read in the estimate, or in its forecasts."""
         if self.sensors.validation.sensors == self.sensors.fit.sensors:
-            fields = self._forecasts(fields)
+            fields = self.dynamics.forecasts(fields)
         read = self.sensors.validation(fields)
         # A forecast that blows up is wrong, not missing.
         return torch.where(read.isnan(), torch.inf, read)
-
-    def _forecasts(self, fields: Tensor) -> Tensor:
-        """Return the forecast at each sample; the estimate at the first one of an episode."""
-        found = fields.double().clone()
-        for block in self.dynamics.blocks():
-            rows = slice(block.rows.start + 1, block.rows.stop)
-            found[rows] = self.dynamics.advance(block, fields[block.rows][:-1])
-        return found

@@ -124,6 +124,18 @@ class SampledDynamics(nn.Module):
         begins, durations = samples.begins, samples.durations
         return samples.episode.step(states.double(), begins, durations, forcing)
 
+    @torch.no_grad()
+    def forecasts(self, fields: Float[Tensor, "time ..."]) -> Float[Tensor, "time ..."]:
+        """Return the forecast of each sample from the one before, float64.
+
+        The first sample of an episode has none, and stays as it is.
+        """
+        found = fields.double().clone()
+        for block in self.blocks():
+            rows = slice(block.rows.start + 1, block.rows.stop)
+            found[rows] = self.advance(block, fields[block.rows][:-1])
+        return found
+
     def scaled(self, fields: Float[Tensor, "time ..."]) -> Float[Tensor, "time ..."]:
         """Return fields in units of the std of each."""
         return fields / self.spread.reshape(-1, *(1,) * (fields.dim() - 2))

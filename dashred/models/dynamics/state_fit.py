@@ -33,6 +33,29 @@ class Fitted(NamedTuple):
     parts: dict[str, float]
 
 
+class Minimum(NamedTuple):
+    """The loss for one q, and its minimum for one law.
+
+    Attributes:
+        loss: the loss.
+        error: q, in std of a field.
+        fitted: its minimum.
+    """
+
+    loss: StateFit
+    error: float
+    fitted: Fitted
+
+    def with_law(self, coefficients: Tensor) -> Minimum:
+        """Return the minimum with another law, from the states of this one.
+
+        Args:
+            coefficients: of all terms, ``(term,)``; those that are not zero are fitted.
+        """
+        self.loss.problem.dynamics.set_law(coefficients)
+        return self.loss.fit(self.fitted.unknowns.states, self.error)
+
+
 class StateFit:
     """Minimise the loss over POD coefficients and the law of the simulator.
 
@@ -44,7 +67,7 @@ class StateFit:
     def __init__(self, problem: WeakConstraint, is_over: Callable[[], bool]) -> None:
         self.problem, self.is_over = problem, is_over
 
-    def fit(self, start: Float[Tensor, "time mode"], error: float) -> Fitted:
+    def fit(self, start: Float[Tensor, "time mode"], error: float) -> Minimum:
         """Return the minimum with the present terms of the law, and let the simulator have it.
 
         Args:
@@ -59,7 +82,8 @@ class StateFit:
         )
         coefficients = unknowns.law * dynamics.scales
         dynamics.set_law(coefficients)
-        return Fitted(unknowns, coefficients, _parts(residuals, self.problem.count))
+        fitted = Fitted(unknowns, coefficients, _parts(residuals, self.problem.count))
+        return Minimum(self, error, fitted)
 
     def law_equations(self, at: Unknowns, error: float) -> tuple[Array, Array, float] | None:
         """Return G, g and c of the loss, ``c - 2 gᵀδξ + δξᵀ G δξ``, linearised at a point.

@@ -12,19 +12,19 @@ from torch import Tensor
 from callbacks import (
     BestState,
     LatentDiscovery,
-    LawRegression,
+    LawSelection,
     RMSECurves,
     StageProgress,
     TimeLimit,
 )
-from callbacks.law_regression import NAME
+from callbacks.law_selection import NAME
 from dashred.core.progress import stage
 from dashred.core.tracking import RunTracker
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
 from dashred.models.assimilation import AssimilatedEncoder
 from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation
-from dashred.models.dynamics.state_fit import Fitted
+from dashred.models.dynamics.state_fit import Minimum
 from dashred.models.shred import reconstruct
 from dashred.physics.runs.ensemble import term_scales
 from dashred.pipeline.networks.assimilation_plan import dynamic_plan, plain_plan
@@ -144,7 +144,7 @@ def fit_transform(
         # Latent SINDy simulates in every epoch.
         proposes = not follows_segments(problem)
         stepped = replace(latent, system=problem.ensemble_system)
-        law = LawRegression(stepped, *logs) if settings.dynamics else None
+        law = LawSelection(stepped, *logs) if settings.dynamics else None
         place.fit(
             module,
             plan.data,
@@ -165,9 +165,9 @@ def fit_transform(
         if law is not None:
             assert isinstance(module, DynamicAssimilation)
             last = discovery.epochs[-1]
-            proposals[NAME], fitted = law.finish(module, (data.windows, data.fitted), last)
+            proposals[NAME], minimum = law.finish(module, last)
             coefficients[NAME] = law.history
-            if fitted is not None and _take_final(module, fitted, data, best_epoch):
+            if minimum is not None and _take_final(module, minimum, data, best_epoch):
                 best_epoch = last
         report(1.0, f"best after {best_epoch} epochs, RMSE {best.best:.3f} on validation")
     if not proposes:
@@ -192,7 +192,7 @@ def fit_transform(
 
 
 def _take_final(
-    module: DynamicAssimilation, fitted: Fitted, data: RecordingDataModule, best_epoch: int
+    module: DynamicAssimilation, minimum: Minimum, data: RecordingDataModule, best_epoch: int
 ) -> bool:
     """Take the minimum with the final law, unless the validation readings contradict it.
 
@@ -205,7 +205,7 @@ def _take_final(
     if best_epoch > 0:
         limit *= FINAL_MARGIN
     state = copy.deepcopy(module.state_dict())
-    module.take(data.windows, fitted)
+    module.take(data.windows, minimum)
     if module.validation_error(data.windows, data.validated) < limit:
         return True
     module.load_state_dict(state)

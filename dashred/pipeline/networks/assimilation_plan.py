@@ -13,7 +13,7 @@ from dashred.core.budget import Deadline
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.models.assimilation import Assimilation, AssimilationSensors
 from dashred.models.dynamics.basis_error import basis_error
-from dashred.models.dynamics.dynamic_assimilation import LEAST_ERROR, DynamicAssimilation
+from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation
 from dashred.models.dynamics.sampled_dynamics import EpisodeSteps, SampledDynamics
 from dashred.models.shred import SHRED
 from dashred.physics.solvers.sample_step import SampleStep
@@ -77,9 +77,6 @@ def dynamic_plan(
 ) -> AssimilationPlan:
     """Return the assimilation with dynamics. It is fitted in this process, on the CPU.
 
-    What the basis of the network cannot express of a simulation is part of the errors of the
-    sensors, and the steps are not asked to fit better than that, or than their numerical error.
-
     Args:
         problem: settings and recording.
         latent: problem of latent SINDy, for the scales of the terms.
@@ -105,7 +102,6 @@ def dynamic_plan(
     settings, validation = problem.config.assimilation, problem.split.validation
     accurate = SampleStep(problem.system, float(episodes[0].times.diff().max()))
     unexpressed = basis_error(network.shred.pod, sensors.fit, dynamics, accurate, simulated)
-    sensors.noise = torch.hypot(sensors.noise, unexpressed.readings.to(sensors.noise))
     module = DynamicAssimilation(
         copy.deepcopy(network.shred),
         sensors,
@@ -114,7 +110,7 @@ def dynamic_plan(
         windows=data.windows,
         background=torch.tensor([network.test_rmse[name] for name in system.fields]),
         dynamics=dynamics,
-        least_error=max(LEAST_ERROR, unexpressed.step),
+        unexpressed=unexpressed,
         adapter=settings.adapter,
         is_over=lambda: deadline.is_over,
     )

@@ -37,3 +37,18 @@ def test_it_reaches_coefficients_that_the_decoder_does_not_give():
     optimizer.step(closure)
     assert closure().item() < 1e-3 * before
     assert all(p.grad is None for p in adapted.frozen.parameters())
+
+
+@torch.no_grad()
+def test_it_gives_zero_for_modes_that_it_gets_and_keeps_those_that_it_has():
+    adapted = make()
+    adapted.adapter[-1].get_parameter("weight").normal_()
+    before = adapted(LATENT)
+    adapted.resize(8)
+    assert torch.equal(adapted(LATENT)[:, :5], before) and not adapted(LATENT)[:, 5:].any()
+    target = torch.randn(30, 8, generator=torch.Generator().manual_seed(1))
+    adapted.solve(LATENT, target)
+    assert float((adapted(LATENT) - target).square().mean()) < float(target.square().mean())
+    found = adapted(LATENT)
+    adapted.resize(6)
+    torch.testing.assert_close(adapted(LATENT), found[:, :6])

@@ -30,3 +30,5 @@ def test_it_is_zero_where_the_basis_has_all(system, shred, data, real, modes, ex
         assert float(found.readings.max()) < 1e-6 and found.step < 1e-6
     else:
         assert float(found.readings.max()) > 1e-2 and 0 < found.step < 1
+    # The time step is that of the simulator.
+    assert found.scheme < 1e-6

@@ -12,6 +12,7 @@ from torch import Tensor, nn
 from dashred.data.observation_operator import ObservationOperator
 from dashred.models.assimilation import AssimilationSensors
 from dashred.models.dynamics import network_fit
+from dashred.models.dynamics.basis_error import BasisError
 from dashred.models.dynamics.dynamic_assimilation import LEAST_ERROR, DynamicAssimilation
 from dashred.models.dynamics.network_fit import NetworkFit
 from dashred.models.dynamics.sampled_dynamics import EpisodeSteps, SampledDynamics
@@ -49,17 +50,21 @@ def data(system, real) -> RecordingDataModule:
     return RecordingDataModule(fit, ring.record(system, real, VALIDATE), INPUTS, LAGS, 16, 0)
 
 
-@pytest.fixture
-def shred(system) -> SHRED:
-    """A network that is not trained; its seven modes represent every state exactly."""
+def network(system, modes: int) -> SHRED:
+    """Return a network that is not trained; seven modes represent every state exactly."""
     states = ring.ensemble(system, 12).states
     assert isinstance(states, Tensor)
     sensors = tuple(s for s in ring.SENSORS if s.name in INPUTS)
     scaler = Scaler.fit(ObservationOperator(sensors, system)(states))
-    pod = POD.fit(states.flatten(0, 1), 7)
+    pod = POD.fit(states.flatten(0, 1), modes)
     spread = pod.encode(states).flatten(0, 1).std(dim=0)
     torch.manual_seed(0)
     return SHRED(scaler, pod, spread, 24, 1, [16]).float()
+
+
+@pytest.fixture
+def shred(system) -> SHRED:
+    return network(system, 7)
 
 
 @pytest.fixture(autouse=True)
@@ -68,7 +73,13 @@ def short(monkeypatch):
 
 
 def make(
-    system, shred, data, adapter=True, is_over=lambda: False, background=BACKGROUND
+    system,
+    shred,
+    data,
+    adapter=True,
+    is_over=lambda: False,
+    background=BACKGROUND,
+    unexpressed: BasisError | None = None,
 ) -> DynamicAssimilation:
     library = ring.library(system)
     dynamics = SampledDynamics(
@@ -93,7 +104,7 @@ def make(
         data.windows,
         torch.full((1,), background),
         dynamics,
-        LEAST_ERROR,
+        unexpressed or BasisError(torch.zeros(len(data.fit.sensors)), 0.0, 0.0),
         adapter,
         is_over,
     )
@@ -235,11 +246,66 @@ def test_the_error_of_a_step_falls_only_when_the_steps_fit(system, shred, data):
     errors = [FIRST_ERROR]
     for epoch, fits in enumerate((False, False, True, True, True, True), start=1):
         module.steps_fit = fits
-        module._error = module._next_error(epoch)
-        errors.append(module._error)
+        module.error = module._next_error(epoch)
+        errors.append(module.error)
     # The second epoch, which has another method, lowers it in any case.
     assert errors == pytest.approx([0.1, 0.03, 0.03, 0.009, 0.0027, 0.001, 0.001])
-    assert module.is_settled
+
+
+@pytest.mark.parametrize(("outside", "expected"), [(0.0, 0.03), (0.05, 0.05), (0.4, 0.1)])
+def test_the_error_does_not_fall_below_what_the_basis_lacks(system, shred, data, outside, expected):
+    module = make(system, shred, data)
+    module.steps_fit, module.basis.outside = True, outside
+    assert module._next_error(1) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("adapter", "expected"), [(True, 0.01), (False, 0.02)])
+def test_the_steps_need_not_fit_better_than_their_numerical_error(
+    system, shred, data, adapter, expected
+):
+    # Without an adapter, the basis cannot grow, and its error remains.
+    readings = torch.full((len(data.fit.sensors),), 0.12)
+    module = make(system, shred, data, adapter, unexpressed=BasisError(readings, 0.02, 0.01))
+    assert module.least_error == expected
+    torch.testing.assert_close(module.sensors.noise, torch.full_like(readings, 0.13))
+    assert make(system, shred, data).least_error == LEAST_ERROR
+
+
+@pytest.mark.parametrize(
+    ("error", "fits", "same", "ends"),
+    [
+        (LEAST_ERROR, True, True, True),
+        (LEAST_ERROR, False, True, False),
+        (LEAST_ERROR, True, False, False),
+        (0.01, True, True, False),
+    ],
+)
+def test_the_fit_ends_when_neither_q_nor_the_terms_change(
+    system, shred, data, monkeypatch, error, fits, same, ends
+):
+    module = make(system, shred, data)
+    trainer = fitted(module, WholeRecordingDataModule(data), 2)
+    trainer.should_stop = False
+    monkeypatch.setattr(module, "log", lambda *_: None)
+    module.steps_fit, module.error = fits, error
+    module._support[0] = same == bool(module.dynamics.support[0])
+    module.on_train_epoch_end()
+    assert trainer.should_stop == ends
+
+
+def test_a_basis_that_lacks_modes_gets_them(system, data, real):
+    few = network(system, 4)
+    module = make(system, few, data)
+    before = copy.deepcopy(module.state_dict())
+    fitted(module, WholeRecordingDataModule(data), 4)
+    assert len(module.shred.spread) > 4
+    assert module.shred.pod.left_out(real) < 0.5 * few.pod.left_out(real)
+    fields = module.fields(data.windows)
+    after = copy.deepcopy(module.state_dict())
+    module.load_state_dict(before)
+    assert len(module.shred.spread) == len(module.shred.pod.modes) == 4
+    module.load_state_dict(after)
+    assert torch.equal(module.fields(data.windows), fields)
 
 
 def test_without_an_adapter_the_decoder_stays_bit_for_bit(system, shred, data):
@@ -268,9 +334,7 @@ def test_readings_that_shred_reads_are_compared_with_forecasts(system, shred, re
     trainer = fitted(module, WholeRecordingDataModule(data), 1)
     with torch.no_grad():
         fields = module.shred.decode(module.encoder(data.windows)).double()
-        block = next(module.dynamics.blocks())
-        forecast = module.dynamics.advance(block, fields[:-1])
-    read = torch.cat((module.sensors.fit(fields[:1]), module.sensors.fit(forecast)))
+    read = module.sensors.fit(module.dynamics.forecasts(fields))
     error = (data.validated - read).square().nanmean().sqrt()
     found = float(trainer.callback_metrics["rmse/sensors_validate"])
     assert found == pytest.approx(float(error), rel=1e-3)

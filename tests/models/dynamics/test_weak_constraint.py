@@ -9,6 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from dashred.models.dynamics.dynamic_assimilation import LEAST_ERROR
 from dashred.models.dynamics.gauss_newton import minimise
 from dashred.models.dynamics.sampled_dynamics import EpisodeSteps
 from dashred.models.dynamics.state_fit import FIRST_ERROR
@@ -37,7 +38,7 @@ def never() -> bool:
 def problem_of(module, readings: Tensor) -> tuple[WeakConstraint, Unknowns]:
     """Return the loss of a module over states, and the states of its networks."""
     law = module.dynamics.coefficients.detach() / module.dynamics.scales
-    return module.state_fit(readings).problem, Unknowns(module._guess.double(), law)
+    return module.loss(readings).problem, Unknowns(module.basis.guess.double(), law)
 
 
 def test_it_is_the_loss_of_the_networks_times_the_number_of_readings(system, shred, data):
@@ -118,7 +119,7 @@ def test_one_step_solves_a_linear_problem(system, shred, data):
 def test_the_law_is_found_beside_the_states(system, shred, data, real):
     module = make(system, shred, data)
     module.dynamics.set_law(torch.tensor([0, -0.05, 0, 0, 0, 0, 0, 0]).double())
-    fitted = module.refit((data.windows, data.fitted), module.dynamics.coefficients.detach())
+    fitted = module.loss(data.fitted).fit(module.basis.guess.double(), LEAST_ERROR).fitted
     assert float(fitted.coefficients[1]) == pytest.approx(-0.3, rel=0.05)
     assert fitted.coefficients.nonzero().flatten().tolist() == [1]
     assert fitted.parts["step_error"] < 1
@@ -130,8 +131,8 @@ def test_the_law_is_found_beside_the_states(system, shred, data, real):
 
 def test_the_equations_of_the_law_are_positive_definite(system, shred, data):
     module = make(system, shred, data)
-    fit = module.state_fit(data.fitted)
-    at = fit.fit(module._guess.double(), 0.01).unknowns
+    fit = module.loss(data.fitted)
+    at = fit.fit(module.basis.guess.double(), 0.01).fitted.unknowns
     found = fit.law_equations(at, 0.01)
     assert found is not None
     gram, target, _ = found
