@@ -14,7 +14,7 @@ from dashred.core.budget import OutOfTimeError
 from dashred.core.numerics.block_tridiagonal import Array
 from dashred.models.dynamics.dynamic_assimilation import LEAST_ERROR, DynamicAssimilation
 from dashred.models.dynamics.state_fit import Fitted, Minimum, StateFit
-from dashred.models.dynamics.weak_constraint import Unknowns
+from dashred.models.dynamics.unknowns import Unknowns
 from tests.callbacks.test_law_selection import COEFFICIENT
 from tests.models.dynamics.test_dynamic_assimilation import data, make, real, shred, system
 

@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 import torch
 
 from dashred.core.budget import OutOfTimeError
-from dashred.models.dynamics.weak_constraint import Residuals, Unknowns, WeakConstraint
+from dashred.models.dynamics.unknowns import Residuals, Unknowns
+from dashred.models.dynamics.weak_constraint import WeakConstraint
 
 # Linearisations at most; the relative decrease of the loss that ends the iteration.
 ITERATIONS, TOLERANCE = 10, 3e-3

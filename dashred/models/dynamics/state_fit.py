@@ -11,7 +11,8 @@ from torch import Tensor
 
 from dashred.core.numerics.block_tridiagonal import Array
 from dashred.models.dynamics.gauss_newton import minimise
-from dashred.models.dynamics.weak_constraint import Residuals, Unknowns, WeakConstraint
+from dashred.models.dynamics.unknowns import Residuals, Unknowns
+from dashred.models.dynamics.weak_constraint import WeakConstraint
 
 # q of the first epoch, in units of the std of a field, at which the weight of the background is 1.
 FIRST_ERROR = 0.1

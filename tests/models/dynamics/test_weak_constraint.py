@@ -13,7 +13,8 @@ from dashred.models.dynamics.dynamic_assimilation import LEAST_ERROR
 from dashred.models.dynamics.gauss_newton import minimise
 from dashred.models.dynamics.sampled_dynamics import EpisodeSteps
 from dashred.models.dynamics.state_fit import FIRST_ERROR
-from dashred.models.dynamics.weak_constraint import Unknowns, WeakConstraint
+from dashred.models.dynamics.unknowns import Unknowns
+from dashred.models.dynamics.weak_constraint import WeakConstraint
 from dashred.physics.solvers.sample_step import SampleStep
 from tests import ring
 from tests.models.dynamics.test_dynamic_assimilation import (
