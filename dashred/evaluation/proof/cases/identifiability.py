@@ -64,20 +64,24 @@ def score_margin(case: Case, case_truth: CaseTruth, recording: Path) -> float:
     eliminated = ProfiledProblem.from_normal_equations(clean, objective.modes)
     samples, shapes = objective.noise.effective_count, len(window_shapes(problem.system))
 
-    def scores(sets: list[tuple[int, ...]]) -> Tensor:
+    def scores(sets: Tensor) -> Tensor:
         law = Hypothesis(tuple(range(len(sets[0]))), (), None)
         p = len(objective.prior_std)
         return eliminated.costs(sets) + law.penalty(samples, p, shapes)
 
-    true_score = float(scores([tuple(sorted(true))]))
+    true_score = float(scores(torch.tensor([sorted(true)])))
     others = _other_supports(len(objective.prior_std), set(true))
     return min(float(scores(sets).min()) for sets in others) - true_score
 
 
-def _other_supports(count: int, true: set[int]) -> list[list[tuple[int, ...]]]:
+def _other_supports(count: int, true: set[int]) -> list[Tensor]:
     """Return the small sets by size, without those that contain the true set."""
-    sets = ([s for s in sets if not true <= set(s)] for sets in small_sets(count, MAX_TERMS))
-    return [group for group in sets if group]
+    members = torch.tensor(sorted(true), dtype=torch.int64)
+    groups = []
+    for sets in small_sets(count, MAX_TERMS):
+        contains = (sets[:, :, None] == members).any(dim=1).all(dim=1)
+        groups.append(sets[~contains])
+    return [group for group in groups if len(group)]
 
 
 def _problem_at_truth(

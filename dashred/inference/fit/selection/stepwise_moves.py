@@ -30,10 +30,10 @@ def promising_sets(problem: ProfiledProblem) -> list[Set]:
     count = len(problem.target)
     found: list[Set] = []
     for sets in small_sets(count, min(LARGEST, count)):
-        size = len(sets[0])
+        size = sets.shape[1]
         if size:
             order = problem.costs(sets).argsort()[: REFITTED[size]]
-            found += [sets[i] for i in order.tolist()]
+            found += [tuple(members) for members in sets[order].tolist()]
     path = backward_path(problem, LARGEST_ON_PATH)
     return found + [members for members in path if len(members) > LARGEST]
 

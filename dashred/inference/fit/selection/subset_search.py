@@ -6,9 +6,10 @@ reproduce.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import chain, combinations
 
 import numpy as np
 import torch
@@ -86,11 +87,15 @@ class ProfiledProblem:
             torch.from_numpy(precision),
         )
 
-    def costs(self, sets: Sequence[tuple[int, ...]]) -> Tensor:
-        """Return F of sets of the same size, minimised over their coefficients, ``(set,)``."""
-        if not sets[0]:
+    def costs(self, sets: Sequence[tuple[int, ...]] | Tensor) -> Tensor:
+        """Return F of sets of the same size, minimised over their coefficients, ``(set,)``.
+
+        Args:
+            sets: indices of candidates, also as a tensor ``(set, size)``.
+        """
+        if not len(sets[0]):
             return torch.tensor([self.constant], dtype=torch.float64)
-        chosen = torch.tensor(sets)
+        chosen = torch.as_tensor(sets)
         gram = self.gram + torch.diag(self.precision)
         gains = []
         for part in chosen.split(CHUNK):
@@ -122,10 +127,12 @@ class ProfiledProblem:
         return tuple(sorted(pivots[:count].tolist()))
 
 
-def small_sets(count: int, largest: int) -> Iterator[list[tuple[int, ...]]]:
-    """Yield all sets of up to ``largest`` of ``count`` candidates, size by size."""
+def small_sets(count: int, largest: int) -> Iterator[Tensor]:
+    """Yield all sets of up to ``largest`` of ``count`` candidates, ``(set, size)``, by size."""
     for size in range(largest + 1):
-        yield list(combinations(range(count), size))
+        members = chain.from_iterable(combinations(range(count), size))
+        shape = math.comb(count, size), size
+        yield torch.from_numpy(np.fromiter(members, np.int64, math.prod(shape)).reshape(shape))
 
 
 def backward_path(problem: ProfiledProblem, largest: int) -> list[tuple[int, ...]]:

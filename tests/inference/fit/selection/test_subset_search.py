@@ -95,7 +95,8 @@ def test_columns_that_the_start_can_reproduce_explain_nothing() -> None:
 def test_small_sets_are_all_sets() -> None:
     sizes = [len(sets) for sets in small_sets(6, 3)]
     assert sizes == [1, 6, 15, 20]
-    assert len({members for sets in small_sets(6, 3) for members in sets}) == 42
+    found = [tuple(members) for sets in small_sets(6, 3) for members in sets.tolist()]
+    assert len(set(found)) == 42 and all(list(members) == sorted(members) for members in found)
 
 
 def test_the_backward_path_is_nested_and_drops_the_least_needed(
