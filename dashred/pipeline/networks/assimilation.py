@@ -159,7 +159,7 @@ def fit_transform(
             ],
             max_epochs=plan.epochs,
         )
-        module, best_epoch = module.cpu(), best.best_epoch
+        module, best_epoch, error = module.cpu(), best.best_epoch, best.best
         proposals = discovery.finish(module) if proposes else {}
         coefficients = dict(discovery.history)
         if law is not None:
@@ -167,9 +167,10 @@ def fit_transform(
             last = discovery.epochs[-1]
             proposals[NAME], minimum = law.finish(module, last)
             coefficients[NAME] = law.history
-            if minimum is not None and _take_final(module, minimum, data, best_epoch):
-                best_epoch = last
-        report(1.0, f"best after {best_epoch} epochs, RMSE {best.best:.3f} on validation")
+            final = None if minimum is None else _take_final(module, minimum, data, best_epoch)
+            if final is not None:
+                best_epoch, error = last, final
+        report(1.0, f"best after {best_epoch} epochs, RMSE {error:.3f} on validation")
     if not proposes:
         problem.budget.leave_out("latent SINDy")
     if limit.ended_at is not None:
@@ -193,10 +194,10 @@ def fit_transform(
 
 def _take_final(
     module: DynamicAssimilation, minimum: Minimum, data: RecordingDataModule, best_epoch: int
-) -> bool:
+) -> float | None:
     """Take the minimum with the final law, unless the validation readings contradict it.
 
-    Returns whether it was taken.
+    Returns its validation error; None if it was not taken.
 
     The lowest error of some epochs is low by chance, too, so that the final one may be a little
     higher. Where no epoch was better than SHRED, it has to be lower.
@@ -206,10 +207,11 @@ def _take_final(
         limit *= FINAL_MARGIN
     state = copy.deepcopy(module.state_dict())
     module.take(data.windows, minimum)
-    if module.validation_error(data.windows, data.validated) < limit:
-        return True
+    error = module.validation_error(data.windows, data.validated)
+    if error < limit:
+        return error
     module.load_state_dict(state)
-    return False
+    return None
 
 
 def _latent_problem(problem: Problem, nominal: NominalRun) -> LatentProblem:
