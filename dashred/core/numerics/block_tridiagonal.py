@@ -69,6 +69,11 @@ class BlockNormal:
             return None
         return (solved[:, -1] - solved[:, :-1] @ shared).reshape(nodes, fields), shared
 
+    def decrease(self, step: tuple[Array, Array]) -> float:
+        """Return by how much F falls in a step without damping, if it is as linearised."""
+        nodes, shared = step
+        return float(self.node_gradient.ravel() @ nodes.ravel() + self.shared_gradient @ shared)
+
     def profiled(self, kept: int | None = None) -> tuple[Array, Array, float] | None:
         """Return G, g and c of ``F(δξ) = c - 2 gᵀδξ + δξᵀ G δξ``, the nodes at their best.
 

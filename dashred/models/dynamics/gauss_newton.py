@@ -12,8 +12,11 @@ from dashred.models.dynamics.weak_constraint import WeakConstraint
 
 # Linearisations at most; the relative decrease of the loss that ends the iteration.
 ITERATIONS, TOLERANCE = 10, 3e-3
-# First damping, its factor after a step that fails, and the number of steps that may fail.
-DAMPING, FACTOR, TRIALS = 1e-3, 10.0, 6
+# First damping, in units of the diagonal; its factor after a step that fails; how many may fail.
+# Many readings determine smooth changes of the states far less than the diagonal says.
+DAMPING, FACTOR, TRIALS = 1e-8, 10.0, 12
+# A step with less damping leads to the minimum of the linearised problem.
+UNDAMPED = 1e-6
 
 
 def minimise(
@@ -43,7 +46,7 @@ def minimise(
             equations = problem.equations(at, terms, error, weight, is_over)
         except OutOfTimeError:
             break
-        before = found.cost
+        before, settled = found.cost, False
         for _ in range(TRIALS):
             step = equations.step(damping)
             if step is None:
@@ -53,9 +56,12 @@ def minimise(
             there = problem.residuals(moved, error, weight)
             # Written so that a simulator that blows up counts as a failure.
             if there.cost < before:
+                predicted = before - equations.decrease(step)
+                linear = abs(there.cost - predicted) < TOLERANCE * there.cost
+                settled = linear and damping < UNDAMPED
                 at, found, damping = moved, there, damping / FACTOR
                 break
             damping *= FACTOR
-        if not found.cost < (1 - TOLERANCE) * before:
+        if settled or not found.cost < (1 - TOLERANCE) * before:
             break
     return at, found

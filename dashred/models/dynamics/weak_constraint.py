@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -181,7 +180,6 @@ class WeakConstraint:
             -gradient.numpy(),
             -common.numpy(),
             own.cost,
-            damped=np.ones(gradient.shape),
         )
 
     def _readings(self, at: Unknowns) -> tuple[Tensor, Tensor, Tensor]:

@@ -54,6 +54,7 @@ def test_a_step_solves_the_whole_system(nodes: int, fields: int, shared: int) ->
     np.testing.assert_allclose(
         np.concatenate([step[0].ravel(), step[1]]), np.linalg.solve(whole, right)
     )
+    assert normal.decrease(step) == pytest.approx(right @ np.linalg.solve(whole, right))
 
 
 def test_damping_multiplies_what_it_is_given() -> None:
