@@ -102,9 +102,19 @@ def with_inputs(system: System, inputs: InputSignals) -> System:
     Raises:
         InputError: the delay of an input is longer than the recording.
     """
-    declared = system.config.inputs
-    for name, own in declared.items():
+    for name, own in system.config.inputs.items():
         check_delay(name, own.delay, inputs, system.where)
+    return system.with_input_signals(acting_signals(system, inputs))
+
+
+def acting_signals(system: System, inputs: InputSignals) -> InputSignals:
+    """Return the signals by which measured inputs act: held between samples, and delayed.
+
+    Args:
+        system: declares the inputs.
+        inputs: samples by column of the recording.
+    """
+    declared = system.config.inputs
     curves = {
         name: act(inputs.times, inputs.values[column], declared[name].hold, declared[name].delay)
         for name, column in system.inputs.items()
@@ -119,4 +129,4 @@ def with_inputs(system: System, inputs: InputSignals) -> System:
         if declared[name].hold
     ]
     jumps = np.unique(np.concatenate([np.zeros(0), *held]))
-    return system.with_input_signals(InputSignals(times, values, jumps))
+    return InputSignals(times, values, jumps)

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from dashred.config import Source, build_config
 from dashred.config.source_dict import source_from_dict
 from dashred.data.observation_operator import ObservationOperator
+from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
+from dashred.inference.observer.march import March
 from dashred.inference.streaming.calibration import Calibration, calibrate
 from dashred.inference.streaming.live_estimator import LiveEstimator, LiveSettings
 from dashred.inference.streaming.live_filter import LiveFilter
@@ -31,7 +33,6 @@ system:
   equations: {x: p, p: -x + mu*(1 - x**2)*p + LAW}
   start: {x: 1, p: 0}
   integrator: {method: rk4, dt: 0.05}
-recording: {twin: a, sensors: 2, noise: 0, duration: 12, every: 0.1}
 """
 SENSORS = (Sensor("place", "x"), Sensor("momentum", "p"))
 EVERY, SIGMA = 0.1, 0.05
@@ -53,6 +54,10 @@ def readings(samples: int, seed: int, law: str = "0") -> tuple[Array, Array]:
     return times.numpy(), values + SIGMA * rng.standard_normal(values.shape)
 
 
+def recording(samples: int) -> Recording:
+    return Recording(SENSORS, *readings(samples, seed=1))
+
+
 def climate() -> Array:
     times = EVERY * torch.arange(300, dtype=torch.float64)
     start = torch.tensor([[1.0, 0.5]], dtype=torch.float64)
@@ -61,12 +66,16 @@ def climate() -> Array:
 
 def ensemble_filter(members: int = 30) -> LiveEstimator:
     noise = np.full(2, SIGMA)
-    return LiveFilter(system(), SENSORS, (), noise, climate(), members, LiveSettings(), seed=0)
+    return LiveFilter(
+        March(system()), SENSORS, (), noise, climate(), members, LiveSettings(), seed=0
+    )
 
 
 def observer() -> LiveEstimator:
     noise = np.full(2, SIGMA)
-    return LiveObserver(system(), SENSORS, (), noise, climate(), EVERY, LiveSettings(), seed=0)
+    return LiveObserver(
+        March(system()), SENSORS, (), noise, climate(), EVERY, LiveSettings(), seed=0
+    )
 
 
 def calibrated(estimator: LiveEstimator) -> Calibration:

@@ -8,6 +8,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from dashred.inference.observer.live_inputs import LiveInputs
 from dashred.physics.solvers.compiled.runge_kutta import CompiledRungeKutta
 from dashred.physics.solvers.compiled_simulator import CompiledSystem, compile_system
 from dashred.physics.system import System
@@ -21,19 +22,44 @@ KEPT = 8
 class March:
     """The flow of a simulator over any span, with little work besides its steps.
 
+    Attributes:
+        system: the simulator.
+
     Args:
         system: the simulator, with fixed steps where it has no axes.
+        inputs: that drive this simulator while they come in.
     """
 
-    def __init__(self, system: System) -> None:
-        self._system = system
+    def __init__(self, system: System, inputs: LiveInputs | None = None) -> None:
+        self.system, self._inputs = system, inputs
         self._compiled: CompiledSystem = compile_system(system, ())
         self._points = points_of(system)
         self._depends_on_time = system.reads_time()
         self._leaps: dict[tuple[int, float], Callable[[Array, float], Array]] = {}
 
-    def __call__(self, states: Array, begin: float, span: float) -> Array:
-        """Return states ``(state, field*point)`` after a span that begins at a time."""
+    @property
+    def has_inputs(self) -> bool:
+        """Whether inputs that come in drive the simulator."""
+        return self._inputs is not None
+
+    @property
+    def begin(self) -> float:
+        """A time from which simulations may run; with inputs, that of the first sample."""
+        return 0.0 if self._inputs is None else self._inputs.first
+
+    def __call__(
+        self, states: Array, begin: float, span: float, known: float | None = None
+    ) -> Array:
+        """Return states ``(state, field*point)`` after a span that begins at a time.
+
+        Args:
+            states: at that time.
+            begin: the time.
+            span: the time span.
+            known: time until which inputs are known; None for the end of the span.
+        """
+        if self._inputs is not None:
+            self._inputs.show(begin, begin + span if known is None else known)
         if isinstance(self._compiled, CompiledRungeKutta):
             key = len(states), span
             if key not in self._leaps:
@@ -51,12 +77,12 @@ class March:
 
     def off_grid(self, states: torch.Tensor) -> Array:
         """Return states ``(state, field, *grid)`` without images, ``(state, field*point)``."""
-        return self._system.grid.own(states).reshape(len(states), -1).numpy()
+        return self.system.grid.own(states).reshape(len(states), -1).numpy()
 
     def on_grid(self, states: Array) -> torch.Tensor:
         """Return states with the mirror images of the grid, ``(state, field, *grid)``."""
-        shape = (len(states), len(self._system.fields), *self._points)
-        return self._system.grid.ring(torch.from_numpy(states).reshape(shape))
+        shape = (len(states), len(self.system.fields), *self._points)
+        return self.system.grid.ring(torch.from_numpy(states).reshape(shape))
 
 
 def points_of(system: System) -> tuple[int, ...]:

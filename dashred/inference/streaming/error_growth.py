@@ -33,7 +33,7 @@ def error_growth(march: March, climate: Array, span: float, samples: int, seed: 
     error *= small / np.linalg.norm(error, axis=1, keepdims=True)
     logs = []
     for sample in range(samples):
-        moved = march(np.concatenate([states, states + error]), sample * span, span)
+        moved = march(np.concatenate([states, states + error]), march.begin + sample * span, span)
         states, error = moved[:STATES], moved[STATES:] - moved[:STATES]
         size = np.linalg.norm(error, axis=1, keepdims=True)
         growth = np.log(np.maximum(size, np.finfo(np.float64).tiny) / small)

@@ -26,7 +26,6 @@ from dashred.inference.observer.march import March, points_of
 from dashred.inference.streaming.live_estimator import FAR, MIXING, Analysed, LiveSettings
 from dashred.inference.streaming.readout import Readout
 from dashred.inference.streaming.serial_analysis import analyse, inflate
-from dashred.physics.system import System
 
 Array = NDArray[np.float64]
 
@@ -48,7 +47,7 @@ class LiveFilter:
 
     def __init__(
         self,
-        system: System,
+        march: March,
         sensors: Sequence[Sensor],
         places: Sequence[Sensor],
         noise: Array,
@@ -60,7 +59,7 @@ class LiveFilter:
         """Draw the first members from the climate.
 
         Args:
-            system: the simulator, with fixed steps.
+            march: the simulator from sample to sample.
             sensors: sensors that are assimilated.
             places: further quantities that are estimated.
             noise: σ of each sensor.
@@ -69,15 +68,14 @@ class LiveFilter:
             settings: localisation and inflation.
             seed: of the random numbers.
         """
-        self.system, self.settings = system, settings
+        self.march, self.system, self.settings = march, march.system, settings
         self.sensors, self.places = tuple(sensors), tuple(places)
-        self.march = March(system)
         self._noise, self._climate, self._count = noise, climate, members
         self._mean, self._range = climate.mean(axis=0), np.ptp(climate, axis=0).max()
         quantities = (*self.sensors, *self.places)
-        self.quantities = Readout(self.march, system, quantities)
-        self._tapers = sensor_tapers(system, self.sensors, quantities, settings.radius)
-        self._shape = points_of(system)
+        self.quantities = Readout(march, self.system, quantities)
+        self._tapers = sensor_tapers(self.system, self.sensors, quantities, settings.radius)
+        self._shape = points_of(self.system)
         self._rng = np.random.default_rng(seed)
         self.time = math.nan
         self.members = np.empty(0)
@@ -112,7 +110,7 @@ class LiveFilter:
             FilterLostError: more than half of the members blow up.
         """
         if not math.isnan(self.time):
-            self.members = self.march(self.members, time - span, span)
+            self.members = self.march(self.members, time - span, span, known=time)
             self._replace_lost(time)
             inflate(self.members, self.settings.inflation, self._random_part())
         self.time = time
@@ -127,10 +125,11 @@ class LiveFilter:
     def ahead(self, span: float) -> Array:
         """Return the quantities that are expected after a time, ``(quantity,)``.
 
-        They are those of the run of the simulator from the mean of the members.
+        They are those of the run of the simulator from the mean of the members. Inputs keep their
+        last values.
         """
         mean = self.members.mean(axis=0, keepdims=True)
-        later = self.march(mean, self.time, span)
+        later = self.march(mean, self.time, span, known=self.time)
         return self.quantities(later, self.time + span)[0]
 
     @property

@@ -67,7 +67,7 @@ def learn_gains(
     record = ObservedRecord(
         march=march,
         states=simulations,
-        times=span * np.arange(SAMPLES, dtype=np.float64),
+        times=march.begin + span * np.arange(SAMPLES, dtype=np.float64),
         values=np.zeros((0, len(noise))),
         noise=noise,
         operator=readout.operator,
@@ -105,7 +105,7 @@ class _Simulations:
     def __call__(self, sample: int) -> Array:
         """Return the states at a sample, ``(simulation, field*point)``; samples are in order."""
         while self._sample < sample:
-            begin = self._span * self._sample
+            begin = self._march.begin + self._span * self._sample
             self._states = self._march(self._states, begin, self._span)
             self._sample += 1
             size = np.abs(self._states).max(axis=1)

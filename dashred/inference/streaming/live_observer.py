@@ -20,7 +20,6 @@ from dashred.inference.observer.march import March, points_of
 from dashred.inference.streaming.live_estimator import FAR, Analysed, LiveSettings
 from dashred.inference.streaming.live_gains import SIMULATIONS, LiveGains, learn_gains
 from dashred.inference.streaming.readout import Readout
-from dashred.physics.system import System
 
 Array = NDArray[np.float64]
 
@@ -39,7 +38,7 @@ class LiveObserver:
 
     def __init__(
         self,
-        system: System,
+        march: March,
         sensors: Sequence[Sensor],
         places: Sequence[Sensor],
         noise: Array,
@@ -51,7 +50,7 @@ class LiveObserver:
         """Learn the gains and begin at the mean of the climate.
 
         Args:
-            system: the simulator, with fixed steps.
+            march: the simulator from sample to sample.
             sensors: sensors that are assimilated.
             places: further quantities that are estimated.
             noise: σ of each sensor.
@@ -60,15 +59,14 @@ class LiveObserver:
             settings: of which the observer has the additive part.
             seed: of the random numbers.
         """
-        self.system, self.settings = system, settings
+        self.march, self.system, self.settings = march, march.system, settings
         self.sensors, self.places = tuple(sensors), tuple(places)
-        self.march = March(system)
         self._noise, self._climate, self._span, self._seed = noise, climate, span, seed
         quantities = (*self.sensors, *self.places)
-        self.quantities = Readout(self.march, system, quantities)
-        radius = radius_for(system, len(self.sensors), SIMULATIONS)
-        self._tapers = sensor_tapers(system, self.sensors, quantities, radius)
-        self._shape = points_of(system)
+        self.quantities = Readout(march, self.system, quantities)
+        radius = radius_for(self.system, len(self.sensors), SIMULATIONS)
+        self._tapers = sensor_tapers(self.system, self.sensors, quantities, radius)
+        self._shape = points_of(self.system)
         self._mean, self._range = climate.mean(axis=0), np.ptp(climate, axis=0).max()
         self._gains = self._learnt()
         self.begin()
@@ -114,7 +112,7 @@ class LiveObserver:
             FilterLostError: the estimate has blown up.
         """
         if not math.isnan(self.time):
-            self.state = self._run(span)
+            self.state = self._arrived(time, span)
             self._check(time)
         self.time, self._later = time, None
         count = len(self._noise)
@@ -140,15 +138,20 @@ class LiveObserver:
         return Analysed(estimate, spread, innovation, std, serial, density)
 
     def ahead(self, span: float) -> Array:
-        """Return the quantities that are expected after a time, ``(quantity,)``."""
-        self._later = span, self._run(span)
-        return self.quantities(self._later[1], self.time + span)[0]
+        """Return the quantities that are expected after a time, ``(quantity,)``.
 
-    def _run(self, span: float) -> Array:
-        """Return the state after a time; a forecast of that length was computed already."""
+        Inputs keep their last values.
+        """
+        later = self.march(self.state, self.time, span, known=self.time)
+        if not self.march.has_inputs:
+            self._later = span, later
+        return self.quantities(later, self.time + span)[0]
+
+    def _arrived(self, time: float, span: float) -> Array:
+        """Return the state at a sample; a forecast of that length was computed already."""
         if self._later is not None and self._later[0] == span:
             return self._later[1]
-        return self.march(self.state, self.time, span)
+        return self.march(self.state, self.time, span, known=time)
 
     def _learnt(self) -> LiveGains:
         return learn_gains(

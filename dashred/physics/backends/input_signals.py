@@ -5,7 +5,7 @@ The first and the last value are held outside of the recording.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -29,6 +29,19 @@ class InputSignals:
     times: Array
     values: Mapping[str, Array]
     jumps: Array = field(default_factory=lambda: np.zeros(0))
+
+    @classmethod
+    def on_table(cls, names: Sequence[str], table: Array) -> InputSignals:
+        """Return signals without jumps that read a table, whose values may change later.
+
+        Args:
+            names: of the inputs.
+            table: as in :attr:`table`, contiguous. Simulators that are compiled with the signals
+                read its present values.
+        """
+        found = cls(table[0], dict(zip(names, table[1:], strict=True)))
+        vars(found)["table"] = table
+        return found
 
     def at(self, t: float | Array) -> dict[str, Array]:
         """Return every input at times ``t``, with the shape of ``t``."""

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from dashred.physics.backends.codegen import CodeWriter, define
 from dashred.physics.backends.input_signals import NO_INPUTS, InputSignals
+from dashred.physics.backends.table_reader import table_reader
 from dashred.physics.expressions.algebra import Expr, names
 
 Array = NDArray[np.float64]
@@ -159,14 +160,8 @@ def _window_code(
 @cache
 def _compile(source: str, window: str, input_signals: InputSignals) -> Kernel:
     """Compile a kernel; kernels with equal code are compiled once."""
-    table = input_signals.table
-
-    @numba.njit(error_model="numpy")
-    def at(t: float, row: int) -> float:
-        value: float = np.interp(t, table[0], table[row])
-        return value
-
-    scope: dict[str, Any] = {"math": math, "at": at}
+    # The cache keeps the signals, and so their table, as long as the kernel.
+    scope: dict[str, Any] = {"math": math, "at": table_reader(input_signals.table)}
     define(f"{window}\n{source}", scope)
     scope["window"] = numba.njit(fastmath=FAST_MATH, error_model="numpy")(scope["window"])
     compiled: Kernel = numba.cfunc(KERNEL, fastmath=FAST_MATH, error_model="numpy")(scope["kernel"])

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dashred.core.files.atomic import write_text_atomic
 from dashred.data.sensors import Sensor
+from dashred.inference.observer.live_inputs import LiveInputs
 from dashred.physics.system import System
 from dashred.pipeline.follow.rows import Rows
 from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
@@ -31,22 +32,33 @@ class AlarmWindow:
         system: the simulator.
         sensors: sensors with readings in the stream.
         columns: their columns in a sample.
+        inputs: of the simulator, which get columns, too; None without any.
     """
 
     def __init__(
-        self, stem: Path, system: System, sensors: Sequence[Sensor], columns: Sequence[int]
+        self,
+        stem: Path,
+        system: System,
+        sensors: Sequence[Sensor],
+        columns: Sequence[int],
+        inputs: LiveInputs | None,
     ) -> None:
         self.path = _free(stem)
         self.table = self.path.with_name(f"{self.path.stem}-sensors.csv")
-        self._columns, self._count = [*columns], 0
+        self._columns, self._inputs, self._count = [*columns], inputs, 0
         write_text_atomic(self.table, _table(system, sensors))
-        self._rows = Rows(self.path, ["time", *(sensor.name for sensor in sensors)])
+        driving = () if inputs is None else inputs.columns
+        self._rows = Rows(self.path, ["time", *(sensor.name for sensor in sensors), *driving])
 
     def add(self, samples: Sequence[tuple[float, Array]]) -> None:
         """Add samples: a time and readings, ``(sensor,)``; at most so many as :data:`LONGEST`."""
         room = samples[: max(0, LONGEST - self._count)]
         self._count += len(room)
-        self._rows.write([((time, *values[self._columns].tolist()), ()) for time, values in room])
+        self._rows.write([(self._row(time, values), ()) for time, values in room])
+
+    def _row(self, time: float, values: Array) -> list[float]:
+        driving = [] if self._inputs is None else self._inputs.at(time).tolist()
+        return [time, *values[self._columns].tolist(), *driving]
 
     def close(self) -> None:
         """Close the file."""

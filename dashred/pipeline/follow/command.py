@@ -42,7 +42,7 @@ class Arguments:
         str,
         "SOURCE",
         "FILE.csv that grows, - for standard input, mqtt://HOST:PORT/TOPIC or ws://HOST:PORT/PATH. "
-        "A CSV has a column `time` and one for each sensor; a message of JSON is "
+        "A CSV has a column `time` and one for each sensor and input; a message of JSON is "
         '{"time": 1.5, "SENSOR": 0.2}',
         default=None,
     )

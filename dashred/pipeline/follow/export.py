@@ -23,12 +23,12 @@ def export_surrogate(path: Path, run: FinishedRun) -> None:
     sensors and fields, the number of samples in a window and their step.
     """
     shred = run.shred
-    example = torch.zeros((EXAMPLES, run.lags + 1, len(run.inputs)))
+    example = torch.zeros((EXAMPLES, run.lags + 1, len(run.network_sensors)))
     batch = torch.export.Dim("batch")
     with quiet_export():
         program = torch.export.export(shred, (example,), dynamic_shapes=({0: batch},))
     about = {
-        "sensors": [run.names[index] for index in run.inputs],
+        "sensors": [run.names[index] for index in run.network_sensors],
         "fields": list(run.system.fields),
         "window": run.lags + 1,
         "step": run.step,

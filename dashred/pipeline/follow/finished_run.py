@@ -20,6 +20,7 @@ from dashred.core.findings.findings import check_freeze
 from dashred.data.io.read_netcdf import episodes_of_dataset
 from dashred.data.sensors import Sensor
 from dashred.models.shred import SHRED
+from dashred.physics.backends.input_signals import InputSignals
 from dashred.physics.system import System
 from dashred.pipeline.outputs.corrected_config import NAME as CORRECTED
 from dashred.pipeline.outputs.estimator_file import CHANGED, ROLE, WEIGHT
@@ -39,7 +40,8 @@ class FinishedRun:
 
     Attributes:
         folder: of the run.
-        system: the corrected simulator.
+        system: the corrected simulator, without its inputs.
+        signals: samples of its inputs in the recording, by column.
         sensors: of the recording, with the σ of their noise.
         faulty: names of sensors that the run found to be faulty.
         times: of the recording, ``(time,)``.
@@ -47,12 +49,13 @@ class FinishedRun:
         step: of its clock.
         climate: states of the corrected simulator, ``(state, field*point)``.
         shred: the corrected SHRED.
-        inputs: columns of its input among the sensors.
+        network_sensors: indices of the sensors that it reads.
         lags: number of samples before the present one in a window.
     """
 
     folder: Path
     system: System
+    signals: InputSignals
     sensors: tuple[Sensor, ...]
     faulty: tuple[str, ...]
     times: Array
@@ -60,7 +63,7 @@ class FinishedRun:
     step: float
     climate: Array
     shred: SHRED
-    inputs: tuple[int, ...]
+    network_sensors: tuple[int, ...]
     lags: int
 
     @property
@@ -110,6 +113,7 @@ def read_run(folder: Path, trust: str | None = None) -> FinishedRun:
     return FinishedRun(
         folder=folder,
         system=system,
+        signals=recording.inputs,
         sensors=recording.sensors,
         faulty=_faulty(findings),
         times=recording.times,
@@ -117,7 +121,7 @@ def read_run(folder: Path, trust: str | None = None) -> FinishedRun:
         step=float(f"{np.median(steps):.12g}"),
         climate=_climate(folder, system),
         shred=SHRED.from_weights(weights, tuple(system.grid.shape)).requires_grad_(False),
-        inputs=tuple(index for index, role in enumerate(roles) if role == INPUT),
+        network_sensors=tuple(index for index, role in enumerate(roles) if role == INPUT),
         lags=int(dataset.attrs["lags"]),
     )
 
@@ -127,11 +131,12 @@ def _corrected(path: Path, trust: str | None) -> System:
     written = read_file(path, label=str(path))
     config = build_config(written, no_overrides, name=path.stem, source=path, trust=trust)
     system = System(config.system, config.where)
-    if system.inputs:
+    own = [name for name in system.inputs if name not in system.measured_inputs]
+    if own:
         raise InputError(
-            f"the system has measured inputs ({', '.join(system.inputs)})",
+            f"the system has inputs that are not measured ({', '.join(own)})",
             where=str(path),
-            hint="follow does not read inputs; only systems without them can be followed",
+            hint="follow needs one corrected simulator for all times: analyse one episode alone",
         )
     return system if np.isnan(system.dt) else system.with_fixed_steps()
 

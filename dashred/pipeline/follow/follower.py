@@ -15,12 +15,14 @@ from dashred.inference.streaming.tracker import Alarm, Tracked, Tracker
 from dashred.pipeline.follow.alignment import LONGEST_GAP, Sample
 from dashred.pipeline.follow.finished_run import FinishedRun
 from dashred.pipeline.follow.remarks import Remarks
+from dashred.pipeline.follow.sources.input_columns import InputColumns
 from dashred.pipeline.follow.surrogate_stream import SurrogateStream
 
 Array = NDArray[np.float64]
 
 # Flags of a row. A row without a flag is an estimate as good as in the recording of the run.
 SETTLING, MISSING, LOST, OUTLIER, LEFT_OUT = "settling", "missing", "lost", "outlier", "left-out"
+HELD = "held"
 # Numbers of a row, of every quantity and of every sensor, and texts at its end.
 OF_QUANTITIES = ("filter", "spread", "shred", "forecast")
 OF_SENSORS = ("innovation", "standardised")
@@ -69,16 +71,24 @@ class Follower:
         fields: of the last sample.
     """
 
-    def __init__(self, run: FinishedRun, tracker: Tracker, ahead: int, remarks: Remarks) -> None:
+    def __init__(
+        self,
+        run: FinishedRun,
+        tracker: Tracker,
+        inputs: InputColumns | None,
+        ahead: int,
+        remarks: Remarks,
+    ) -> None:
         """Begin before the first sample.
 
         Args:
             run: the run.
             tracker: filter and charts, after the recording of the run.
+            inputs: of the simulator; None without any.
             ahead: number of steps of the forecast.
             remarks: told of a filter that is lost.
         """
-        self._run, self._tracker, self._remarks = run, tracker, remarks
+        self._run, self._tracker, self._inputs, self._remarks = run, tracker, inputs, remarks
         self._span = ahead * run.step
         self._surrogate = SurrogateStream(run.shred, run.lags)
         self._is_first = True
@@ -109,7 +119,7 @@ class Follower:
             found, is_lost = self._step(sample)
             forecast = self._tracker.filter.ahead(self._span)
             texts = self._flags(sample, found, is_lost)
-            parts.append(_Part(sample, found, self._inputs(sample, found), forecast, texts))
+            parts.append(_Part(sample, found, self._network_input(sample, found), forecast, texts))
             self.recent.append((sample.time, sample.values))
         return rows + self._rows(parts)
 
@@ -144,11 +154,11 @@ class Follower:
             self._tracker.begin_again()
             return self._tracker.add(sample.time, sample.span, sample.values), True
 
-    def _inputs(self, sample: Sample, found: Tracked) -> Array:
+    def _network_input(self, sample: Sample, found: Tracked) -> Array:
         """Return the input of SHRED; where a reading is not used, it is that of the filter."""
         unused = np.isnan(sample.values) | found.outliers | self._tracker.left_out
         estimate = found.analysed.estimate[: len(sample.values)]
-        return np.where(unused, estimate, sample.values)[[*self._run.inputs]]
+        return np.where(unused, estimate, sample.values)[[*self._run.network_sensors]]
 
     def _flags(self, sample: Sample, found: Tracked, is_lost: bool) -> tuple[str, str]:
         names, tracker = self._run.names, self._tracker
@@ -161,6 +171,8 @@ class Follower:
             self._agreed += 1
         if np.isnan(sample.values).all():
             flags.append(MISSING)
+        if self._inputs is not None:
+            flags += [f"{HELD}:{name}" for name in self._inputs.held(sample.time)]
         flags += [f"{OUTLIER}:{names[i]}" for i in np.flatnonzero(found.outliers)]
         flags += [f"{LEFT_OUT}:{names[i]}" for i in np.flatnonzero(tracker.left_out)]
         if tracker.kind is None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from dashred.core.errors import InputError
 from dashred.data.sensors import Sensor
+from dashred.inference.observer.live_inputs import LiveInputs
 from dashred.inference.observer.march import March
 from dashred.inference.streaming.calibration import Calibration, calibrate
 from dashred.inference.streaming.error_growth import error_growth
@@ -31,6 +32,7 @@ from dashred.pipeline.follow.follower import TEXTS, Follower
 from dashred.pipeline.follow.places import parse_places, unmeasured_fields
 from dashred.pipeline.follow.remarks import Remarks
 from dashred.pipeline.follow.rows import Rows
+from dashred.pipeline.follow.sources.input_columns import InputColumns
 from dashred.pipeline.follow.sources.open_source import open_source
 from dashred.pipeline.follow.words import alarm_text, calibration_text
 
@@ -74,7 +76,8 @@ def follow(run: FinishedRun, settings: Settings) -> None:
         *unmeasured_fields(run.system, run.sensors),
         *parse_places(settings.at, run.system, run.sensors),
     )
-    calibration = _calibrated(run, places, settings)
+    inputs = _inputs(run, remarks)
+    calibration = _calibrated(run, inputs, places, settings)
     for line in calibration_text(calibration, run.names):
         remarks.say(line)
     if run.faulty:
@@ -84,15 +87,16 @@ def follow(run: FinishedRun, settings: Settings) -> None:
     with ExitStack() as stack:
         source = open_source(settings.source, remarks)
         stack.callback(source.close)
-        follower = Follower(run, tracker, settings.ahead, remarks)
+        follower = Follower(run, tracker, inputs, settings.ahead, remarks)
         rows = stack.enter_context(Rows(settings.output, [*follower.columns, *TEXTS]))
-        session = _Session(run, settings, follower, rows, remarks)
+        session = _Session(run, settings, follower, inputs, rows, remarks)
         alignment = Alignment(run.names, run.step, remarks)
         with _ended_by_signals() as is_ended:
             heard = time.monotonic()
             while not (source.ended or is_ended()):
                 messages = source.read(PATIENCE)
-                session.add(alignment.add(messages), is_ended)
+                readings = messages if inputs is None else inputs.take(messages)
+                session.add(alignment.add(readings), is_ended)
                 if messages:
                     heard = time.monotonic()
                 elif settings.idle is not None and time.monotonic() >= heard + settings.idle:
@@ -101,19 +105,32 @@ def follow(run: FinishedRun, settings: Settings) -> None:
             session.finish()
 
 
-def _calibrated(run: FinishedRun, places: Sequence[Sensor], settings: Settings) -> Calibration:
+def _inputs(run: FinishedRun, remarks: Remarks) -> InputColumns | None:
+    """Return the inputs of the simulator; None without any."""
+    if not run.system.inputs:
+        return None
+    step = max(run.step, float(np.median(np.diff(run.signals.times))))
+    return InputColumns(LiveInputs(run.system, run.signals), step, remarks)
+
+
+def _calibrated(
+    run: FinishedRun, inputs: InputColumns | None, places: Sequence[Sensor], settings: Settings
+) -> Calibration:
+    march = March(run.system) if inputs is None else March(inputs.inputs.system, inputs.inputs)
     try:
-        return calibrate(_estimator(run, places, settings), run.times, run.values)
+        return calibrate(_estimator(run, march, places, settings), run.times, run.values)
     except InputError as error:
         raise InputError(error.what, where=str(run.folder), hint=error.hint) from None
 
 
-def _estimator(run: FinishedRun, places: Sequence[Sensor], settings: Settings) -> LiveEstimator:
+def _estimator(
+    run: FinishedRun, march: March, places: Sequence[Sensor], settings: Settings
+) -> LiveEstimator:
     """Return an observer; or an ensemble filter, if it is asked for or the system is chaotic."""
-    known = run.system, run.sensors, places, run.noise, run.climate
+    known = march, run.sensors, places, run.noise, run.climate
     members = settings.members
     if members is None:
-        growth = error_growth(March(run.system), run.climate, run.step, SAMPLES, settings.seed)
+        growth = error_growth(march, run.climate, run.step, SAMPLES, settings.seed)
         # The mean gain of an observer lets errors grow at times, and its innovations are not white.
         members = CHAOTIC_MEMBERS if growth > math.log(CHAOTIC_GROWTH) else None
     if members is None:
@@ -129,10 +146,12 @@ class _Session:
         run: FinishedRun,
         settings: Settings,
         follower: Follower,
+        inputs: InputColumns | None,
         rows: Rows,
         remarks: Remarks,
     ) -> None:
         self._run, self._settings, self._follower = run, settings, follower
+        self._inputs = None if inputs is None else inputs.inputs
         self._rows, self._remarks = rows, remarks
         self._fields = None if settings.fields is None else FieldFile(settings.fields, run.system)
         self._window: AlarmWindow | None = None
@@ -178,7 +197,9 @@ class _Session:
         seen = ~np.isnan(np.array([values for _, values in recent])).all(axis=0)
         columns = np.flatnonzero(seen).tolist()
         sensors = [self._run.sensors[index] for index in columns]
-        self._window = AlarmWindow(self._settings.window, self._run.system, sensors, columns)
+        self._window = AlarmWindow(
+            self._settings.window, self._run.system, sensors, columns, self._inputs
+        )
         self._window.add(recent)
         self._remarks.say(
             f"the samples since then are in {self._window.path}, which goes on while the alarm "

@@ -21,7 +21,7 @@ NO_LIMITS = np.full(2, np.inf)
 def filter_of(climate: np.ndarray) -> LiveFilter:
     noise = np.full(2, streams.SIGMA)
     return LiveFilter(
-        streams.system(), streams.SENSORS, (), noise, climate, 30, LiveSettings(), seed=0
+        March(streams.system()), streams.SENSORS, (), noise, climate, 30, LiveSettings(), seed=0
     )
 
 

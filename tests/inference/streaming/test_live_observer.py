@@ -9,6 +9,7 @@ import pytest
 
 from dashred.data.sensors import Sensor
 from dashred.inference.initial_state.ensemble_filter import FilterLostError
+from dashred.inference.observer.march import March
 from dashred.inference.streaming.live_estimator import LiveSettings
 from dashred.inference.streaming.live_observer import LiveObserver
 from tests.support import streams
@@ -21,7 +22,14 @@ def observer(additive: float = 1e-3) -> LiveObserver:
     settings, noise = LiveSettings(additive=additive), np.full(2, streams.SIGMA)
     climate = streams.climate()
     return LiveObserver(
-        streams.system(), streams.SENSORS, (PLACE,), noise, climate, streams.EVERY, settings, 0
+        March(streams.system()),
+        streams.SENSORS,
+        (PLACE,),
+        noise,
+        climate,
+        streams.EVERY,
+        settings,
+        0,
     )
 
 
