@@ -12,7 +12,8 @@ from torch import Tensor
 from callbacks.simplest_law import best_law, simplest_law
 from dashred.core.budget import OutOfTimeError
 from dashred.core.numerics.block_tridiagonal import Array
-from dashred.models.dynamics.dynamic_assimilation import LEAST_ERROR, DynamicAssimilation
+from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation
+from dashred.models.dynamics.network_assimilation import LEAST_ERROR
 from dashred.models.dynamics.state_fit import Fitted, Minimum, StateFit
 from dashred.models.dynamics.unknowns import Unknowns
 from tests.callbacks.test_law_selection import COEFFICIENT

@@ -118,6 +118,11 @@ class Assimilation:
     adapter: bool
     """With dynamics: fit an adapter beside the frozen decoder, too."""
 
+    residual: Literal["fields", "alg1", "alg2"]
+    """With dynamics: what the errors of the steps are measured in. alg1 and alg2 are the residuals
+    of Algorithms 1 and 2 in the latent space; the networks alone are fitted then, and the terms of
+    the law are those that the algorithm proposes at the end of each epoch."""
+
 
 @dataclass
 class LatentSindy:

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from dashred.config import Config, load_config
 from dashred.core.errors import DONE, run_entry
@@ -36,15 +36,27 @@ class Variant:
         random_laws: whether the members that SHRED learns from have random laws.
         dynamics: whether the steps of the simulator are fitted too.
         adapter: whether the decoder gets an adapter.
+        residual: what the errors of the steps are measured in.
     """
 
     random_laws: bool = True
     dynamics: bool = True
     adapter: bool = True
+    residual: Literal["fields", "alg1", "alg2"] = "fields"
+
+    @property
+    def law(self) -> str:
+        """The method that proposes the law of the variant."""
+        return self.residual if self.residual != "fields" else "dynamics"
 
     def of(self, config: Config) -> Config:
         """Return the configuration with this variant."""
-        assimilation = replace(config.assimilation, dynamics=self.dynamics, adapter=self.adapter)
+        assimilation = replace(
+            config.assimilation,
+            dynamics=self.dynamics,
+            adapter=self.adapter,
+            residual=self.residual,
+        )
         simulation = replace(config.simulation, discrepancy=self.random_laws)
         return replace(config, assimilation=assimilation, simulation=simulation)
 
@@ -54,6 +66,8 @@ VARIANTS = {
     "dynamics": Variant(),
     "dynamics_without_adapter": Variant(adapter=False),
     "dynamics_without_random_laws": Variant(random_laws=False),
+    "dynamics_of_algorithm_1": Variant(residual="alg1"),
+    "dynamics_of_algorithm_2": Variant(residual="alg2"),
 }
 
 

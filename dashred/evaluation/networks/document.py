@@ -23,6 +23,8 @@ TEMPLATE = "evaluation/networks/templates/networks.md.j2"
 # Ratios that are aimed at: to SHRED, to the simulation without corrections, and at most to SHRED.
 TO_SHRED, TO_SIMULATION, NO_WORSE = 0.5, 0.1, 1.05
 METHODS = (SIMULATION, SHRED, *VARIANTS)
+# What the errors of the steps are measured in.
+RESIDUALS = {"fields": "fields", "alg1": "latent, Algorithm 1", "alg2": "latent, Algorithm 2"}
 LAWS = ("alg1", "alg2", *(name for name, variant in VARIANTS.items() if variant.dynamics))
 
 
@@ -65,10 +67,13 @@ def _counts(done: Sequence[Row], noise: float) -> list[str]:
 
 def _variant(name: str, done: Sequence[Row]) -> list[str]:
     """Return the row of a variant: the median and the largest ratio of its error to SHRED's."""
+    done = [row for row in done if name in row["rmse"]]
     found = [ratio(row, name, SHRED) for row in done]
     variant = VARIANTS[name]
     return [
         *("yes" if on else "no" for on in (variant.dynamics, variant.adapter, variant.random_laws)),
+        RESIDUALS[variant.residual] if variant.dynamics else "",
+        str(len(found)),
         f"{median(found):.2g}" if found else "",
         str(sum(r <= TO_SHRED for r in found)),
         str(sum(r > NO_WORSE for r in found)),
@@ -91,7 +96,7 @@ def _line(row: Row) -> list[str]:
     case = [row["system"], row["twin"], str(row["seed"]), f"{100 * row['noise']:g} %"]
     if row["problem"] is not None:
         return [*case, row["problem"], *[""] * (len(METHODS) + 1)]
-    errors = [f"{row['rmse'][name]:.2g}" for name in METHODS]
+    errors = [f"{row['rmse'][name]:.2g}" if name in row["rmse"] else "" for name in METHODS]
     return [*case, *errors, f"{ratio(row, DYNAMICS, SHRED):.2g}", _law(row["laws"][DYNAMICS])]
 
 

@@ -85,12 +85,10 @@ def _fit(request: Request, case: Case, recording: Path, found: Path) -> str | No
 
 def _laws(fitted: Mapping[str, Any], truth: Truth) -> dict[str, LawScore]:
     """Return the scores of the laws: two by sensors alone, and one by variant with dynamics."""
-    laws = {
-        (variant if method == DYNAMICS else method): terms
-        for variant, proposed in fitted["laws"].items()
-        for method, terms in proposed.items()
-        if (method == DYNAMICS) is VARIANTS[variant].dynamics
-    }
+    laws: dict[str, Any] = {}
+    for name, proposed in fitted["laws"].items():
+        variant = VARIANTS[name]
+        laws |= {name: proposed[variant.law]} if variant.dynamics else proposed
     findings = {"input": fitted["input"], "terms": []}
     true = law_of_truth(findings, truth.terms, truth.concealed.parameters)
     scores = {}

@@ -9,6 +9,7 @@ from torch import Tensor, nn
 
 from dashred.models.assimilation import AssimilationSensors, LatentTransform
 from dashred.models.dynamics.sampled_dynamics import SampledDynamics
+from dashred.models.dynamics.step_residuals import StepResidual
 from dashred.models.shred import SHRED
 
 # Iterations of L-BFGS, of which some run between two looks at the clock, and pairs that it
@@ -26,14 +27,17 @@ class NetworkFit:
     ::
 
         mean ((H û_t − y_t)/σ)² + mean ((H ũ_{t+Δ} − y_{t+Δ})/σ)²
-            + mean ‖û_{t+Δ} − ũ_{t+Δ}‖²/q²
+            + mean ‖r_t‖²/q²
             + w mean ‖û_t − F(h_t)‖²/b² + λ mean T(h)² + μ ‖ξ‖²
+
+    r_t is the error of a step, ``û_{t+Δ} − ũ_{t+Δ}`` or one in the latent space.
 
     Args:
         shred: with the frozen decoder F, and the adapter A if there is one.
         transform: h + T(h).
         sensors: that are fitted.
         dynamics: the simulator, with the law.
+        residual: r.
         first_guess: F(h_t), ``(time, field, *grid)``.
         background: b in the units of the fields, ``(field,)``.
         penalty: λ.
@@ -47,6 +51,7 @@ class NetworkFit:
         transform: LatentTransform,
         sensors: AssimilationSensors,
         dynamics: SampledDynamics,
+        residual: StepResidual,
         first_guess: Tensor,
         background: Tensor,
         penalty: float,
@@ -54,7 +59,8 @@ class NetworkFit:
         is_over: Callable[[], bool],
     ) -> None:
         self.shred, self.transform, self.sensors = shred, transform, sensors
-        self.dynamics, self.first_guess, self.background = dynamics, first_guess, background
+        self.dynamics, self.residual = dynamics, residual
+        self.first_guess, self.background = first_guess, background
         self.penalty, self.fitted, self.is_over = penalty, list(fitted), is_over
 
     def optimizer(self) -> torch.optim.Optimizer:
@@ -133,7 +139,7 @@ class NetworkFit:
             )
             # Neighbouring blocks share a sample, which counts once.
             rows = len(own) if block.is_last else len(own) - 1
-            gap = self.dynamics.scaled(fields[1:].double() - forecast)
+            gap = self.residual(block, moved, fields, forecast)
             changes = (fields - self.first_guess[block.rows])[:rows].transpose(1, -1)
             share = {
                 "misfit": innovations[0][:rows].square().sum() / max(1, counts[0]),

@@ -12,6 +12,7 @@ from torch import Tensor
 from callbacks import (
     BestState,
     LatentDiscovery,
+    LatentLaw,
     LawSelection,
     RMSECurves,
     StageProgress,
@@ -27,7 +28,7 @@ from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation
 from dashred.models.dynamics.state_fit import Minimum
 from dashred.models.shred import reconstruct
 from dashred.physics.runs.ensemble import term_scales
-from dashred.pipeline.networks.assimilation_plan import dynamic_plan, plain_plan
+from dashred.pipeline.networks.assimilation_plan import FIELDS, dynamic_plan, plain_plan
 from dashred.pipeline.networks.training import TrainedNetwork
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
@@ -144,7 +145,9 @@ def fit_transform(
         # Latent SINDy simulates in every epoch.
         proposes = not follows_segments(problem)
         stepped = replace(latent, system=problem.ensemble_system)
-        law = LawSelection(stepped, *logs) if settings.dynamics else None
+        by_fields = settings.dynamics and settings.residual == FIELDS
+        law = LawSelection(stepped, *logs) if by_fields else None
+        in_latent_space = settings.dynamics and not by_fields and proposes
         place.fit(
             module,
             plan.data,
@@ -154,6 +157,7 @@ def fit_transform(
                 limit,
                 *([discovery] if proposes else []),
                 *([] if law is None else [law]),
+                *([LatentLaw(discovery, settings.residual)] if in_latent_space else []),
                 EarlyStopping(METRIC, patience=settings.patience),
                 StageProgress(place.accept(report), METRIC, "RMSE on validation sensors"),
             ],

@@ -10,11 +10,19 @@ from lightning import LightningDataModule
 from torch import Tensor
 
 from dashred.core.budget import Deadline
+from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.models.assimilation import Assimilation, AssimilationSensors
 from dashred.models.dynamics.basis_error import basis_error
 from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation
+from dashred.models.dynamics.network_assimilation import NetworkAssimilation
 from dashred.models.dynamics.sampled_dynamics import EpisodeSteps, SampledDynamics
+from dashred.models.dynamics.step_residuals import (
+    AdvancingResidual,
+    Histories,
+    SearchResidual,
+    StepResidual,
+)
 from dashred.models.shred import SHRED
 from dashred.physics.solvers.sample_step import SampleStep
 from dashred.physics.terms.library import resolve
@@ -25,6 +33,8 @@ from datamodules import RecordingDataModule, WholeRecordingDataModule
 
 # Epochs with dynamics, each a minimisation, and the least width of the networks that are fitted.
 DYNAMIC_EPOCHS, DYNAMIC_WIDTH = 8, 256
+# The residual in the fields; the others are those of the algorithms of latent SINDy.
+FIELDS = "fields"
 # The lowest validation error of a few epochs is hardly chance, and the steps of the simulator
 # confirm it: any decrease counts.
 DYNAMIC_GAIN = 0.0
@@ -100,9 +110,10 @@ def dynamic_plan(
         network.shred.pod.modes.shape[1],
     )
     settings, validation = problem.config.assimilation, problem.split.validation
+    kind = DynamicAssimilation if settings.residual == FIELDS else NetworkAssimilation
     accurate = SampleStep(problem.system, float(episodes[0].times.diff().max()))
     unexpressed = basis_error(network.shred.pod, sensors.fit, dynamics, accurate, simulated)
-    module = DynamicAssimilation(
+    module = kind(
         copy.deepcopy(network.shred),
         sensors,
         max(settings.width, DYNAMIC_WIDTH),
@@ -114,12 +125,24 @@ def dynamic_plan(
         adapter=settings.adapter,
         is_over=lambda: deadline.is_over,
     )
+    if settings.residual != FIELDS:
+        module.residual = _latent_residual(settings.residual, module, data.windows, latent.operator)
     shares = problem.noise_of(validation.names) / torch.from_numpy(validation.trace_scale())
     # The validation part of a single sensor is also an input of SHRED. A state that repeats its
     # noise has the lowest error there, and is not the best one.
     floor = NOISE_MARGIN * float(shares.square().mean().sqrt())
     whole, place = WholeRecordingDataModule(data), FitHere(problem.config, "cpu")
     return AssimilationPlan(module, whole, place, DYNAMIC_EPOCHS, DYNAMIC_GAIN, floor)
+
+
+def _latent_residual(
+    algorithm: str, module: NetworkAssimilation, windows: Tensor, operator: ObservationOperator
+) -> StepResidual:
+    """Return the residual of Algorithm 1 or 2."""
+    histories = Histories(module.shred.encode, windows, operator)
+    if algorithm == "alg1":
+        return SearchResidual(histories)
+    return AdvancingResidual(histories, module.encoder.transform)
 
 
 def _sensors(problem: Problem) -> AssimilationSensors:

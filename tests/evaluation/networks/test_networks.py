@@ -80,6 +80,14 @@ def test_the_page_counts_systems_laws_and_nulls() -> None:
     assert lines[0].endswith("| 0.3 | exact |")
 
 
+def test_a_row_without_a_variant_has_an_empty_cell() -> None:
+    lacking = row_of(0.02, EXACT)
+    del lacking["rmse"]["dynamics_of_algorithm_1"]
+    text = document([lacking, row_of(0.02, EXACT, seed=4)])
+    assert "| heat | a | 3 | 1 % | 1 | 0.1 | 0.1 | 0.02 | 0.1 | 0.1 |  | 0.1 | 0.2 |" in text
+    assert "| yes | yes | yes | latent, Algorithm 1 | 1 | 1 | 0 | 0 | 20 |" in text
+
+
 def test_no_rows_are_told(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no rows"):
         main(["evaluate", "networks", "document", f"output={tmp_path}"])

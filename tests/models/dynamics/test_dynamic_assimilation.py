@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from typing import TypeVar
 
 import pytest
 import torch
@@ -13,7 +14,8 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.models.assimilation import AssimilationSensors
 from dashred.models.dynamics import network_fit
 from dashred.models.dynamics.basis_error import BasisError
-from dashred.models.dynamics.dynamic_assimilation import LEAST_ERROR, DynamicAssimilation
+from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation
+from dashred.models.dynamics.network_assimilation import LEAST_ERROR, NetworkAssimilation
 from dashred.models.dynamics.network_fit import NetworkFit
 from dashred.models.dynamics.sampled_dynamics import EpisodeSteps, SampledDynamics
 from dashred.models.dynamics.state_fit import FIRST_ERROR
@@ -28,6 +30,7 @@ from datamodules import RecordingDataModule, WholeRecordingDataModule
 from tests import ring
 from tests.models.test_assimilation import FIT, INPUTS, LAGS, VALIDATE, fitted
 
+A = TypeVar("A", bound=NetworkAssimilation)
 NOISE = 0.05
 BACKGROUND = 0.2
 
@@ -72,7 +75,12 @@ def short(monkeypatch):
     monkeypatch.setattr(network_fit, "ITERATIONS", 40)
 
 
-def make(
+def make(system, shred, data, *args, **changes) -> DynamicAssimilation:
+    return built(DynamicAssimilation, system, shred, data, *args, **changes)
+
+
+def built(
+    kind: type[A],
     system,
     shred,
     data,
@@ -80,7 +88,7 @@ def make(
     is_over=lambda: False,
     background=BACKGROUND,
     unexpressed: BasisError | None = None,
-) -> DynamicAssimilation:
+) -> A:
     library = ring.library(system)
     dynamics = SampledDynamics(
         [EpisodeSteps(SampleStep(system, 0.1), ring.TIMES, 0)],
@@ -90,7 +98,7 @@ def make(
         32,
     )
     torch.manual_seed(0)
-    return DynamicAssimilation(
+    return kind(
         copy.deepcopy(shred),
         AssimilationSensors(
             ObservationOperator(data.fit.sensors, system),

@@ -9,8 +9,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from dashred.models.dynamics.dynamic_assimilation import LEAST_ERROR
 from dashred.models.dynamics.gauss_newton import minimise
+from dashred.models.dynamics.network_assimilation import LEAST_ERROR
 from dashred.models.dynamics.sampled_dynamics import EpisodeSteps
 from dashred.models.dynamics.state_fit import FIRST_ERROR
 from dashred.models.dynamics.unknowns import Unknowns
