@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Callable
 from typing import Any
 
 from lightning import Callback, LightningModule, Trainer
@@ -23,14 +24,21 @@ class BestState(Callback):
             metric over few sensors can decrease by chance.
         floor: value that the metric has by noise alone. States at or below it are equally good,
             and the latest of them is taken.
+        accepts: whether the state of a module may be taken.
 
     Attributes:
         best: lowest value of the metric, not below the floor.
         best_epoch: number of epochs trained until then; 0 is the initial state.
     """
 
-    def __init__(self, monitor: str, gain: float = 0.0, floor: float = 0.0) -> None:
-        self.monitor, self.gain, self.floor = monitor, gain, floor
+    def __init__(
+        self,
+        monitor: str,
+        gain: float = 0.0,
+        floor: float = 0.0,
+        accepts: Callable[[LightningModule], bool] = lambda _: True,
+    ) -> None:
+        self.monitor, self.gain, self.floor, self.accepts = monitor, gain, floor, accepts
         self.best, self.best_epoch, self.required = math.inf, 0, math.inf
         self._state: dict[str, Tensor] = {}
 
@@ -45,7 +53,7 @@ class BestState(Callback):
     def on_validation_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Copy the weights if they are the best so far."""
         value = trainer.callback_metrics.get(self.monitor)
-        if value is not None and self._is_better(float(value)):
+        if value is not None and self._is_better(float(value)) and self.accepts(pl_module):
             if not self._state:
                 self.required = (1 - self.gain) * float(value)
             self.best = max(float(value), self.floor)

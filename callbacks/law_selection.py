@@ -56,10 +56,10 @@ class LawSelection(Callback):
             self.child(self._note(dynamics.coefficients.detach().numpy()), epoch)
 
     def finish(self, module: DynamicAssimilation, epoch: int) -> tuple[SparseFit, Minimum | None]:
-        """Return the final proposal, and the minimum with its law if the steps fit.
+        """Return the final proposal, and the minimum with its law if it explains the readings.
 
-        Where the steps do not fit with any law, the last one is proposed as it is. The shares and
-        inclusions of the terms are those of a sparse regression along the field.
+        Where no law does, that of the best epoch is proposed as it is. The shares and inclusions of
+        the terms are those of a sparse regression along the field.
 
         Args:
             module: the assimilation.
@@ -69,7 +69,7 @@ class LawSelection(Callback):
         if minimum is not None:
             minimum = simplest_law(minimum)
             module.dynamics.set_law(law)
-            if minimum.fitted.parts["step_error"] > 1.0:
+            if minimum.fitted.parts["step_error"] > 1.0 or not minimum.is_consistent:
                 minimum = None
             else:
                 law = minimum.fitted.coefficients

@@ -153,6 +153,11 @@ class Assimilation(LightningModule):
         """Return the assimilated fields of windows, ``(time, field, *grid)``, on the CPU."""
         return reconstruct(self.encoder, self.shred, windows.to(self.device)).cpu()
 
+    @property
+    def is_consistent(self) -> bool:
+        """Whether the present state may be taken; the sensors alone contradict none."""
+        return True
+
     def configure_optimizers(self) -> torch.optim.Optimizer:
         """Return Adam on the transform, and on the LSTM if ``encoder_rate`` > 0."""
         groups = [{"params": self.encoder.transform.parameters(), "lr": self.rate}]

@@ -105,6 +105,14 @@ def test_states_at_the_level_of_the_noise_are_equally_good(errors, epoch):
     assert float(module.weight.detach()) == epoch
 
 
+def test_a_state_that_is_not_accepted_is_not_taken():
+    def accepts(module: LightningModule) -> bool:
+        return float(module.get_parameter("weight").detach()) != 2.0
+
+    best = BestState("rmse/x", accepts=accepts)
+    assert float(run([3.0, 2.0, 1.0, 1.5], best).weight.detach()) == best.best_epoch == 3
+
+
 def test_a_metric_that_is_not_logged_leaves_the_last_state():
     best = BestState("rmse/absent")
     assert float(run([3.0, 2.0, 4.0], best).weight.detach()) == 2.0

@@ -107,6 +107,15 @@ def test_the_final_law_is_that_of_the_last_minimum(callback, module):
     assert not law(module).any()
 
 
+def test_readings_that_contradict_every_law_decide_nothing(callback, module, monkeypatch):
+    parts = module.minimum.fitted.parts | {"train": 9.0}
+    left = module.minimum._replace(fitted=module.minimum.fitted._replace(parts=parts))
+    monkeypatch.setattr("callbacks.law_selection.simplest_law", lambda _: left)
+    proposed, minimum = callback.finish(module, 2)
+    assert minimum is None
+    assert not proposed.coefficients.any()
+
+
 def test_steps_that_do_not_fit_decide_nothing(callback, module, monkeypatch):
     fit = StateFit.fit
 

@@ -29,6 +29,11 @@ class DynamicAssimilation(NetworkAssimilation):
 
     minimum: Minimum | None = None
 
+    @property
+    def is_consistent(self) -> bool:
+        """Whether noise explains what is left of the readings and of the steps."""
+        return self.minimum is None or self.minimum.is_consistent
+
     def minimise(self, windows: Tensor, latent: Tensor, readings: Tensor) -> dict[str, float]:
         """Fit the networks or, after the first epoch, the states; return the parts of the loss."""
         if self.current_epoch == 0:

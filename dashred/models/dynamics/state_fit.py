@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -18,6 +19,8 @@ from dashred.models.dynamics.weak_constraint import WeakConstraint
 FIRST_ERROR = 0.1
 # Eigenvalues below this share of the largest are rounding errors.
 LEAST_EIGENVALUE = 1e-13
+# Standard deviations by which the loss may exceed what the noise alone would give.
+MARGIN = 3.0
 
 
 class Fitted(NamedTuple):
@@ -46,6 +49,17 @@ class Minimum(NamedTuple):
     loss: StateFit
     error: float
     fitted: Fitted
+
+    @property
+    def is_consistent(self) -> bool:
+        """Whether noise explains the loss.
+
+        With the right law, both misfits of n readings are 1, but for fluctuations of √(2/n), and
+        the steps hardly add to them. A larger loss means that the readings contradict the
+        simulator with this law.
+        """
+        limit = 2 * (1 + MARGIN * math.sqrt(2 / self.loss.problem.count))
+        return self.fitted.parts["train"] <= limit
 
     def with_law(self, coefficients: Tensor) -> Minimum:
         """Return the minimum with another law, from the states of this one.

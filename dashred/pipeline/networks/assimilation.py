@@ -23,7 +23,7 @@ from dashred.core.progress import stage
 from dashred.core.tracking import RunTracker
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
-from dashred.models.assimilation import AssimilatedEncoder
+from dashred.models.assimilation import AssimilatedEncoder, Assimilation
 from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation
 from dashred.models.dynamics.state_fit import Minimum
 from dashred.models.shred import reconstruct
@@ -141,7 +141,7 @@ def fit_transform(
         child.log_terms([str(term) for term in problem.library])
         logs = place.accept(child.log_metrics), place.accept(run.log_metrics)
         curves, discovery = RMSECurves(*logs, "assimilate"), LatentDiscovery(latent, *logs)
-        best, limit = BestState(METRIC, plan.gain, plan.floor), TimeLimit(deadline)
+        best, limit = BestState(METRIC, plan.gain, plan.floor, _is_consistent), TimeLimit(deadline)
         # Latent SINDy simulates in every epoch.
         proposes = not follows_segments(problem)
         stepped = replace(latent, system=problem.ensemble_system)
@@ -194,6 +194,11 @@ def fit_transform(
         tuple(others),
     )
     return result, module.encoder
+
+
+def _is_consistent(module: lightning.LightningModule) -> bool:
+    assert isinstance(module, Assimilation)
+    return module.is_consistent
 
 
 def _take_final(

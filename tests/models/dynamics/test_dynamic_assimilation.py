@@ -301,6 +301,20 @@ def test_the_fit_ends_when_neither_q_nor_the_terms_change(
     assert trainer.should_stop == ends
 
 
+def test_readings_that_contradict_the_simulator_are_noticed(system, shred, data):
+    module = make(system, shred, data)
+    assert module.is_consistent
+    fitted(module, WholeRecordingDataModule(data), 2)
+    assert module.minimum is not None
+    known, parts = module.minimum.loss.problem.count, module.minimum.fitted.parts
+    assert known == int((~data.fitted.isnan()).sum())
+    limit = 2 * (1 + 3 * math.sqrt(2 / known))
+    for loss, expected in ((0.99 * limit, True), (1.01 * limit, False)):
+        changed = module.minimum.fitted._replace(parts=parts | {"train": loss})
+        module.minimum = module.minimum._replace(fitted=changed)
+        assert module.is_consistent == expected
+
+
 def test_a_basis_that_lacks_modes_gets_them(system, data, real):
     few = network(system, 4)
     module = make(system, few, data)
