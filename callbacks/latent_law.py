@@ -25,5 +25,8 @@ class LatentLaw(Callback):
         assert isinstance(pl_module, NetworkAssimilation)
         epochs = self._discovery.epochs
         if epochs and epochs[-1] == trainer.current_epoch + 1:
-            law = self._discovery.history[self._algorithm][-1]
-            pl_module.dynamics.set_law(torch.tensor(law, dtype=torch.float64))
+            proposed = self._discovery.history[self._algorithm][-1]
+            law = torch.zeros_like(pl_module.dynamics.scales)
+            # Latent SINDy has no candidates beside the terms of the library.
+            law[: len(proposed)] = torch.tensor(proposed, dtype=torch.float64)
+            pl_module.dynamics.set_law(law)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
+from typing import NamedTuple
 
 import numpy as np
 from lightning import Callback, LightningModule, Trainer
@@ -24,6 +26,21 @@ NAME = "dynamics"
 MOST_VALUES = 2**19
 
 
+class Proposal(NamedTuple):
+    """What an assimilation with dynamics proposes.
+
+    Attributes:
+        fit: terms of the library.
+        parameters: coefficients ξ of the tangents ∂N/∂p of parameters, by name; only those that are
+            not zero.
+        minimum: with this law; None if it does not explain the readings.
+    """
+
+    fit: SparseFit
+    parameters: dict[str, float]
+    minimum: Minimum | None
+
+
 class LawSelection(Callback):
     """Choose the terms of the law that an assimilation learns.
 
@@ -32,16 +49,21 @@ class LawSelection(Callback):
     the next search does not choose is left out again.
 
     Attributes:
-        history: coefficients ``(term,)`` by epoch; those of the epochs that latent SINDy logs.
+        history: coefficients of the terms of the library, ``(term,)``, by epoch; those of the
+            epochs that latent SINDy logs.
 
     Args:
         problem: what latent SINDy solves.
+        parameters: names of parameters, whose changes follow the coefficients of the library.
         child: log of the nested run, which gets all points.
         parent: log of the run of the command, which gets the final ones.
     """
 
-    def __init__(self, problem: LatentProblem, child: Log, parent: Log) -> None:
-        self.problem, self.child, self.parent = problem, child, parent
+    def __init__(
+        self, problem: LatentProblem, parameters: Sequence[str], child: Log, parent: Log
+    ) -> None:
+        self.problem, self.parameters = problem, tuple(parameters)
+        self.child, self.parent = child, parent
         self.history: list[list[float]] = []
 
     def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
@@ -55,8 +77,8 @@ class LawSelection(Callback):
         if epoch % self.problem.settings.every == 0:
             self.child(self._note(dynamics.coefficients.detach().numpy()), epoch)
 
-    def finish(self, module: DynamicAssimilation, epoch: int) -> tuple[SparseFit, Minimum | None]:
-        """Return the final proposal, and the minimum with its law if it explains the readings.
+    def finish(self, module: DynamicAssimilation, epoch: int) -> Proposal:
+        """Return the final proposal, with the minimum with its law if it explains the readings.
 
         Where no law does, that of the best epoch is proposed as it is. The shares and inclusions of
         the terms are those of a sparse regression along the field.
@@ -79,7 +101,10 @@ class LawSelection(Callback):
         metrics = self._note(law.numpy())
         self.child(metrics, epoch)
         self.parent(metrics, epoch)
-        return found.with_law(law.numpy(), blocks), minimum
+        terms = len(self.problem.library)
+        changes = zip(self.parameters, law[terms:].tolist(), strict=True)
+        proposed = found.with_law(law[:terms].numpy(), blocks)
+        return Proposal(proposed, {name: value for name, value in changes if value}, minimum)
 
     def _blocks(self, module: DynamicAssimilation) -> Blocks:
         """Return the regression of the simulator's errors along the field on all terms."""
@@ -94,9 +119,10 @@ class LawSelection(Callback):
 
     def _note(self, law: Array) -> dict[str, float]:
         """Add a point to the history and return it as metrics."""
-        self.history.append(law.tolist())
-        return {
-            metric_name(NAME, term.equation, str(term)): float(value)
-            for term, value in zip(self.problem.library, law, strict=True)
-            if value != 0.0
-        }
+        terms = len(self.problem.library)
+        self.history.append(law[:terms].tolist())
+        names = [
+            *(metric_name(NAME, term.equation, str(term)) for term in self.problem.library),
+            *(metric_name(NAME, "parameter", name) for name in self.parameters),
+        ]
+        return {name: float(value) for name, value in zip(names, law, strict=True) if value != 0.0}

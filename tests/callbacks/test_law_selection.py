@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import pytest
 import torch
@@ -56,7 +57,7 @@ def callback(system, data, tmp_path, points: Points) -> LawSelection:
         0,
     )
     return LawSelection(
-        problem, lambda metrics, step: points.append((metrics, step)), lambda *_: None
+        problem, [], lambda metrics, step: points.append((metrics, step)), lambda *_: None
     )
 
 
@@ -99,7 +100,7 @@ def test_without_time_the_law_stays(callback, module, monkeypatch):
 
 
 def test_the_final_law_is_that_of_the_last_minimum(callback, module):
-    found, minimum = callback.finish(module, 2)
+    found, _, minimum = callback.finish(module, 2)
     assert minimum is not None
     assert found.coefficients.tolist() == minimum.fitted.coefficients.tolist()
     assert found.coefficients.nonzero()[0].tolist() == [1]
@@ -111,7 +112,7 @@ def test_readings_that_contradict_every_law_decide_nothing(callback, module, mon
     parts = module.minimum.fitted.parts | {"train": 9.0}
     left = module.minimum._replace(fitted=module.minimum.fitted._replace(parts=parts))
     monkeypatch.setattr("callbacks.law_selection.simplest_law", lambda _: left)
-    proposed, minimum = callback.finish(module, 2)
+    proposed, _, minimum = callback.finish(module, 2)
     assert minimum is None
     assert not proposed.coefficients.any()
 
@@ -125,6 +126,26 @@ def test_steps_that_do_not_fit_decide_nothing(callback, module, monkeypatch):
         return found._replace(fitted=found.fitted._replace(parts=parts))
 
     monkeypatch.setattr(StateFit, "fit", off)
-    proposed, minimum = callback.finish(module, 2)
+    proposed, _, minimum = callback.finish(module, 2)
     assert minimum is None
     assert not proposed.coefficients.any()
+
+
+def test_changes_of_parameters_follow_the_terms_of_the_library(system, shred, data, callback):
+    """The last of the coefficients belongs to a parameter."""
+    known = callback.problem
+    fewer = LawSelection(
+        replace(known, library=known.library[:-1], scales=known.scales[:-1]),
+        ["nu"],
+        callback.child,
+        callback.parent,
+    )
+    module = make(system, shred, data)
+    fitted(module, WholeRecordingDataModule(data), 1)
+    law = torch.zeros_like(module.dynamics.scales)
+    law[1], law[-1] = 0.2, -0.5
+    module.dynamics.set_law(law)
+    found = fewer.finish(module, 1)
+    assert found.parameters == {"nu": pytest.approx(-0.5)}
+    assert found.fit.coefficients.nonzero()[0].tolist() == [1]
+    assert len(fewer.history[-1]) == len(known.library) - 1

@@ -43,10 +43,14 @@ class PathStep(TypedDict):
 
 
 class LatentSindy(TypedDict):
-    """Proposals of one of the paper's two algorithms."""
+    """Proposals of one of the paper's two algorithms, or of the assimilation with dynamics.
+
+    The latter may also propose changes of parameters, by name.
+    """
 
     proposals: list[Proposal]
     rmse_path: list[PathStep]
+    parameters: NotRequired[dict[str, float]]
 
 
 class Latent(TypedDict):

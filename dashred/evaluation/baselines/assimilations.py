@@ -19,7 +19,7 @@ from dashred.core.errors import DONE, run_entry
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from dashred.evaluation.baselines.estimate import TermEntry
+    from dashred.evaluation.baselines.estimate import ParameterEntry, TermEntry
     from dashred.inference.latent_sindy.sparse_regression import SparseFit
     from dashred.physics.system import Term
     from dashred.pipeline.problem import Problem
@@ -82,7 +82,7 @@ class Found:
     """
 
     states: dict[str, Tensor] = field(default_factory=dict)
-    laws: dict[str, dict[str, list[TermEntry]]] = field(default_factory=dict)
+    laws: dict[str, dict[str, list[TermEntry | ParameterEntry]]] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
 
 
@@ -147,16 +147,28 @@ def _fit(
         found.laws[name] = {
             method: _entries(problem.library, fit) for method, fit in result.proposals.items()
         }
+        if result.parameters:
+            found.laws[name]["dynamics"] += _changes(problem, result.parameters)
         found.seconds[name] = sum(trained.values()) + sum(own.values())
 
 
-def _entries(library: Sequence[Term], fit: SparseFit) -> list[TermEntry]:
+def _entries(library: Sequence[Term], fit: SparseFit) -> list[TermEntry | ParameterEntry]:
     from dashred.evaluation.baselines.estimate import TermEntry
 
     return [
         TermEntry(equation=term.equation, term=str(term), coefficient=float(value))
         for term, value in zip(library, fit.coefficients, strict=True)
         if value != 0.0
+    ]
+
+
+def _changes(problem: Problem, parameters: Mapping[str, float]) -> list[ParameterEntry]:
+    from dashred.evaluation.baselines.estimate import ParameterEntry
+
+    values = problem.config.system.parameters
+    return [
+        ParameterEntry(equation=None, parameter=name, to=values[name] + change)
+        for name, change in parameters.items()
     ]
 
 

@@ -16,6 +16,14 @@ class TermEntry(TypedDict):
     coefficient: float
 
 
+class ParameterEntry(TypedDict):
+    """One parameter with its new value, as in findings."""
+
+    equation: None
+    parameter: str
+    to: float
+
+
 @dataclass(frozen=True)
 class Estimate:
     """A field and, if the method seeks one, a law.

@@ -57,8 +57,9 @@ class SampledDynamics(nn.Module):
 
     Args:
         episodes: of the recording.
-        terms: candidate terms θ, resolved.
-        scales: coefficients at which each term would be as large as the tendency, ``(term,)``.
+        terms: tendency per unit of each coefficient, resolved: a candidate term θ, or the terms
+            ∂N/∂p of a parameter.
+        scales: coefficients at which each would be as large as the tendency, ``(term,)``.
         spread: std of each field, which makes errors of fields comparable, ``(field,)``.
         cells: values of a state.
 
@@ -74,13 +75,13 @@ class SampledDynamics(nn.Module):
     def __init__(
         self,
         episodes: Sequence[EpisodeSteps],
-        terms: tuple[Term, ...],
+        terms: Sequence[tuple[Term, ...]],
         scales: Tensor,
         spread: Tensor,
         cells: int,
     ) -> None:
         super().__init__()
-        self.episodes, self.terms = tuple(episodes), terms
+        self.episodes, self.terms = tuple(episodes), tuple(terms)
         self.at_once = max(1, VALUES_AT_ONCE // cells)
         self.law = nn.Parameter(torch.zeros(len(terms), dtype=torch.float64))
         self.register_buffer("scales", scales.double())
@@ -120,7 +121,9 @@ class SampledDynamics(nn.Module):
         on = self.support.nonzero()[:, 0].tolist()
         forcing = None
         if on:
-            forcing = Forcing(tuple(self.terms[j] for j in on), self.coefficients[None, on])
+            owner = [j for j in on for _ in self.terms[j]]
+            added = tuple(term for j in on for term in self.terms[j])
+            forcing = Forcing(added, self.coefficients[None, owner])
         begins, durations = samples.begins, samples.durations
         return samples.episode.step(states.double(), begins, durations, forcing)
 

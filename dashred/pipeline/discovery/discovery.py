@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import torch
 
+from callbacks.law_selection import NAME as DYNAMICS
 from dashred.core.progress import stage
 from dashred.core.tracking import RunTracker
 from dashred.inference.fit.forecast_choice import MOST_TERMS
@@ -203,10 +204,11 @@ def _proposals(
     """Return the sets of candidates that Algorithms 1 and 2 propose, as indices."""
     index = indices_by_name(candidates)
     names = [f"{term.equation}: {term}" for term in problem.library]
+    changed = [f"parameter {name}" for name in assimilated.parameters]
     sets = []
-    for fit in assimilated.proposals.values():
-        named = zip(names, fit.coefficients, strict=True)
+    for algorithm, fit in assimilated.proposals.items():
+        named = [name for name, value in zip(names, fit.coefficients, strict=True) if value]
+        named += changed if algorithm == DYNAMICS else []
         # A term that an uncertain parameter replaces is no candidate.
-        chosen = {index[name] for name, value in named if value and name in index}
-        sets.append(tuple(sorted(chosen)))
+        sets.append(tuple(sorted({index[name] for name in named if name in index})))
     return [members for members in sets if members]

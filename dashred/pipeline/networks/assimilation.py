@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import lightning
 from lightning.pytorch.callbacks import EarlyStopping
@@ -21,14 +22,17 @@ from callbacks import (
 from callbacks.law_selection import NAME
 from dashred.core.progress import stage
 from dashred.core.tracking import RunTracker
+from dashred.inference.forward.candidates import Candidate
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.inference.latent_sindy.sparse_regression import SparseFit
+from dashred.inference.results.parameter_change import parameter_change
 from dashred.models.assimilation import AssimilatedEncoder, Assimilation
 from dashred.models.dynamics.dynamic_assimilation import DynamicAssimilation
 from dashred.models.dynamics.state_fit import Minimum
 from dashred.models.shred import reconstruct
 from dashred.physics.runs.ensemble import term_scales
 from dashred.pipeline.networks.assimilation_plan import FIELDS, dynamic_plan, plain_plan
+from dashred.pipeline.networks.free_parameters import free_parameters
 from dashred.pipeline.networks.training import TrainedNetwork
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.simulation.nominal_run import NominalRun
@@ -53,6 +57,7 @@ class AssimilationResult:
         coefficients: algorithm → coefficients by epoch, ``(epoch, term)``.
         curves: metric → (epoch, value).
         others: ``(shred, dashred)`` of the other fitted episodes.
+        parameters: changes of parameters that the assimilation with dynamics proposes, by name.
     """
 
     shred: Tensor
@@ -63,6 +68,7 @@ class AssimilationResult:
     coefficients: dict[str, list[list[float]]]
     curves: dict[str, list[tuple[int, float]]]
     others: tuple[tuple[Tensor, Tensor], ...] = ()
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
 
 def sensor_data(problem: Problem) -> RecordingDataModule:
@@ -102,7 +108,9 @@ def assimilate(
         seconds: run time by stage, updated.
     """
     latent, simulated = _latent_problem(problem, nominal), nominal.references[0]
-    return fit_transform(problem, latent, network, run, seconds, simulated)[0]
+    dynamics = problem.config.assimilation.dynamics
+    parameters = free_parameters(problem, nominal) if dynamics else []
+    return fit_transform(problem, latent, network, run, seconds, simulated, parameters)[0]
 
 
 def fit_transform(
@@ -112,6 +120,7 @@ def fit_transform(
     run: RunTracker,
     seconds: dict[str, float],
     simulated: Tensor | None = None,
+    parameters: Sequence[Candidate] = (),
 ) -> tuple[AssimilationResult, AssimilatedEncoder]:
     """Fit the latent transform with a given problem of latent SINDy.
 
@@ -122,6 +131,7 @@ def fit_transform(
         run: tracker of the parent run.
         seconds: run time by stage, updated.
         simulated: states of the simulation, ``(time, field, *grid)``; dynamics need them.
+        parameters: whose changes are unknowns of an assimilation with dynamics.
 
     Returns:
         The result, and the encoder G_R: SHRED followed by the latent transform.
@@ -132,7 +142,7 @@ def fit_transform(
     if settings.dynamics:
         assert simulated is not None
         simulated = simulated[: len(latent.times)]
-        plan = dynamic_plan(problem, latent, network, data, simulated, deadline)
+        plan = dynamic_plan(problem, latent, parameters, network, data, simulated, deadline)
     else:
         plan = plain_plan(problem, network.shred, data)
     module, place = plan.module, plan.place
@@ -146,7 +156,8 @@ def fit_transform(
         proposes = not follows_segments(problem)
         stepped = replace(latent, system=problem.ensemble_system)
         by_fields = settings.dynamics and settings.residual == FIELDS
-        law = LawSelection(stepped, *logs) if by_fields else None
+        names = [parameter.name for parameter in parameters]
+        law = LawSelection(stepped, names, *logs) if by_fields else None
         in_latent_space = settings.dynamics and not by_fields and proposes
         place.fit(
             module,
@@ -165,11 +176,12 @@ def fit_transform(
         )
         module, best_epoch, error = module.cpu(), best.best_epoch, best.best
         proposals = discovery.finish(module) if proposes else {}
-        coefficients = dict(discovery.history)
+        coefficients, changed = dict(discovery.history), dict[str, float]()
         if law is not None:
             assert isinstance(module, DynamicAssimilation)
             last = discovery.epochs[-1]
-            proposals[NAME], minimum = law.finish(module, last)
+            proposals[NAME], tangents, minimum = law.finish(module, last)
+            changed = {p: parameter_change(problem.system, p, xi) for p, xi in tangents.items()}
             coefficients[NAME] = law.history
             final = None if minimum is None else _take_final(module, minimum, data, best_epoch)
             if final is not None:
@@ -192,6 +204,7 @@ def fit_transform(
         coefficients,
         curves.history,
         tuple(others),
+        changed,
     )
     return result, module.encoder
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -11,6 +12,7 @@ from torch import Tensor
 
 from dashred.core.budget import Deadline
 from dashred.data.observation_operator import ObservationOperator
+from dashred.inference.forward.candidates import Candidate
 from dashred.inference.latent_sindy.latent_sindy import LatentProblem
 from dashred.models.assimilation import Assimilation, AssimilationSensors
 from dashred.models.dynamics.basis_error import basis_error
@@ -80,6 +82,7 @@ def plain_plan(problem: Problem, shred: SHRED, data: RecordingDataModule) -> Ass
 def dynamic_plan(
     problem: Problem,
     latent: LatentProblem,
+    parameters: Sequence[Candidate],
     network: TrainedNetwork,
     data: RecordingDataModule,
     simulated: Tensor,
@@ -90,6 +93,7 @@ def dynamic_plan(
     Args:
         problem: settings and recording.
         latent: problem of latent SINDy, for the scales of the terms.
+        parameters: whose changes are unknowns beside the terms.
         network: trained on the simulation; it is not changed.
         data: the recording.
         simulated: states of the simulation at the samples of the first episode.
@@ -104,8 +108,8 @@ def dynamic_plan(
         first += len(times)
     dynamics = SampledDynamics(
         episodes,
-        resolve(system, latent.library),
-        latent.scales,
+        [*((term,) for term in resolve(system, latent.library)), *(p.terms for p in parameters)],
+        torch.cat([latent.scales, latent.scales.new_tensor([p.scale for p in parameters])]),
         network.shred.pod.scale,
         network.shred.pod.modes.shape[1],
     )

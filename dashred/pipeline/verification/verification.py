@@ -114,6 +114,7 @@ def verify(problem: Problem, analysis: Analysis) -> Findings:
     latent = Latent(alg1=proposed.get("alg1", nothing), alg2=proposed.get("alg2", nothing))
     if "dynamics" in proposed:
         latent["dynamics"] = proposed["dynamics"]
+        latent["dynamics"]["parameters"] = dict(analysis.assimilated.parameters)
     count = len(problem.split.fit.times)
     if kind == "not-converged":
         blame_budget(causes[0], problem.budget)

@@ -150,7 +150,12 @@ def _proposals(latent: Mapping[str, Any]) -> list[str]:
     for name, found in known.items():
         kept = [proposal for proposal in found["proposals"] if proposal["coefficient"] != 0]
         terms = sorted(kept, key=lambda proposal: proposal["rank"])
-        lines += [f"  {name}: {'' if terms else 'no term'}".rstrip(), *_terms(terms[:MOST_TERMS])]
+        changes = found.get("parameters") or {}
+        lines += [
+            f"  {name}: {'' if terms or changes else 'no term'}".rstrip(),
+            *_terms(terms[:MOST_TERMS]),
+            *(f"    the parameter {p} changes by {change:+.4g}" for p, change in changes.items()),
+        ]
         if len(terms) > MOST_TERMS:
             lines.append(f"    and {len(terms) - MOST_TERMS} more, in findings.json")
     return lines

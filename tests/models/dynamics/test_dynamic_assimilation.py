@@ -92,7 +92,7 @@ def built(
     library = ring.library(system)
     dynamics = SampledDynamics(
         [EpisodeSteps(SampleStep(system, 0.1), ring.TIMES, 0)],
-        resolve(system, library),
+        [(term,) for term in resolve(system, library)],
         term_scales(system, library, ring.ensemble(system, 1).states[0], 0.0),
         shred.pod.scale,
         32,

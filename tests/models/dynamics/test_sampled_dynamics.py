@@ -24,7 +24,7 @@ def system(tmp_path):
 def dynamics(system) -> SampledDynamics:
     step = SampleStep(system, 0.1)
     episodes = [EpisodeSteps(step, ring.TIMES[:5], 0), EpisodeSteps(step, ring.TIMES[:4], 5)]
-    terms = resolve(system, ring.library(system))
+    terms = [(term,) for term in resolve(system, ring.library(system))]
     scales = torch.linspace(1, 2, len(terms)).double()
     return SampledDynamics(episodes, terms, scales, torch.tensor([2.0]), 32)
 
@@ -46,6 +46,19 @@ def test_a_large_state_is_stepped_in_smaller_blocks(system, monkeypatch):
     episodes = [EpisodeSteps(step, ring.TIMES[:5], 0)]
     found = SampledDynamics(episodes, (), torch.zeros(0), torch.ones(1), 32)
     assert found.at_once == 2
+
+
+def test_a_coefficient_may_multiply_several_terms(system, dynamics):
+    states, [one, other, *_] = ring.starts(system, 4, 3), dynamics.terms
+    both = SampledDynamics(
+        dynamics.episodes, [(*one, *other)], torch.ones(1), dynamics.spread.float(), 32
+    )
+    both.set_law(torch.tensor([-0.1], dtype=torch.float64))
+    law = torch.zeros(len(dynamics.terms), dtype=torch.float64)
+    law[:2] = -0.1
+    dynamics.set_law(law)
+    found = [each.advance(next(each.blocks()), states) for each in (both, dynamics)]
+    torch.testing.assert_close(found[0], found[1], rtol=1e-12, atol=1e-12)
 
 
 def test_the_forecast_is_that_of_the_system_with_the_law(system, dynamics):

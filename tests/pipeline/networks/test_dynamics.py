@@ -27,6 +27,20 @@ def found(configured: Configured) -> Networks:
     return fit_networks(configured(*WORDS))
 
 
+def field_errors(case: Path, configured: Configured, found: Networks) -> tuple[float, float]:
+    """Return the errors of SHRED and DA-SHRED in the real field."""
+    config = load_config([f"conf={case.parent / 'truth.yaml'}"], entry="test")
+    system = System(config.system, config.where)
+    first = 1 + 0.5 * torch.cos(system.grid.coordinates["x"])
+    fit = configured().problem.split.fit
+    real = simulate(system, first[None, None], torch.from_numpy(fit.times))[0]
+    before, after = (
+        float((states - real).square().mean().sqrt())
+        for states in (found.assimilated.shred, found.assimilated.dashred)
+    )
+    return before, after
+
+
 def test_the_errors_of_every_part_and_the_law_are_logged(
     configured: Configured, found: Networks
 ) -> None:
@@ -58,16 +72,20 @@ def test_the_missing_term_is_found_by_the_network_alone(
 def test_the_field_is_much_nearer_to_the_real_one(
     case: Path, configured: Configured, found: Networks
 ) -> None:
-    config = load_config([f"conf={case.parent / 'truth.yaml'}"], entry="test")
-    system = System(config.system, config.where)
-    first = 1 + 0.5 * torch.cos(system.grid.coordinates["x"])
-    fit = configured().problem.split.fit
-    real = simulate(system, first[None, None], torch.from_numpy(fit.times))[0]
-    before, after = (
-        float((states - real).square().mean().sqrt())
-        for states in (found.assimilated.shred, found.assimilated.dashred)
-    )
+    before, after = field_errors(case, configured, found)
     assert after < 0.5 * before
+
+
+@pytest.mark.parametrize("residual", ["alg1", "alg2"])
+def test_steps_may_be_compared_in_latent_space(
+    case: Path, configured: Configured, residual: str
+) -> None:
+    found = fit_networks(configured(*WORDS, f"assimilation.residual={residual}"))
+    fitted, curves = found.assimilated, found.assimilated.curves
+    assert set(fitted.proposals) == {"alg1", "alg2"} and not fitted.parameters
+    assert len(curves["loss/step_error"]) == len(fitted.epochs) - 1 > 1
+    before, after = field_errors(case, configured, found)
+    assert after < 0.9 * before
 
 
 def test_the_same_seed_gives_the_same_result(configured: Configured, found: Networks) -> None:

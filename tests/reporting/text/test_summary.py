@@ -90,6 +90,14 @@ def test_proposals_are_ranked_and_called_proposals() -> None:
     assert "Algorithm 2: no term" in text
 
 
+def test_a_change_of_a_parameter_is_a_proposal() -> None:
+    nothing = LatentSindy(proposals=[], rmse_path=[])
+    dynamics = LatentSindy(proposals=[], rmse_path=[], parameters={"nu": -0.012})
+    latent = Latent(alg1=nothing, alg2=nothing, dynamics=dynamics)
+    text = summary(findings_with(latent), None, {})
+    assert "with dynamics:\n    the parameter nu changes by -0.012" in text
+
+
 def test_a_verdict_is_put_in_words() -> None:
     text = "doubling changes the traces by 3 %"
     cause: Cause = {"kind": "unresolved-numerics", "probability": 1.0, "says": text}
