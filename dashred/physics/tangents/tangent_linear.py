@@ -115,14 +115,20 @@ def tangent_linear(
     tangents = torch.zeros((count, *start.shape), dtype=dtype, device=start.device)
     tangents[: len(directions)] = directions
     yield start, tangents[chosen.start : chosen.stop]
-    tendency = SemilinearTendency(system, forcing, sampled_forcing)
-    source_terms = Sources(system, sources, len(directions), forcing_basis)
-    reference = reference or InterpretedTrajectory(tendency)
-    model = _LinearisedSystem(tendency, source_terms, dtype)
     size = columns_together(start.numel())
     every = [range(i, min(i + size, count)) for i in range(0, count, size)]
     chunks = [c for c in every if c.start < chosen.stop and chosen.start < c.stop]
     first, last = (chunks[0].start, chunks[-1].stop) if chunks else (chosen.start, chosen.start)
+    tendency = SemilinearTendency(system, forcing, sampled_forcing)
+    # The sources of the other columns are not evaluated.
+    needed = [
+        terms if first <= column < last else ()
+        for column, terms in enumerate(sources, len(directions))
+    ]
+    basis = forcing_basis if last > count - basis_count else None
+    source_terms = Sources(system, needed, len(directions), basis)
+    reference = reference or InterpretedTrajectory(tendency)
+    model = _LinearisedSystem(tendency, source_terms, dtype)
     inside = slice(chosen.start - first, chosen.stop - first)
     modes = in_modes(start.cpu().numpy()[:, None], tendency)
     by_field = tangents.cpu().numpy().swapaxes(0, 1)

@@ -10,6 +10,7 @@ from dashred.physics.runs.initial_state_prior import nominal_start
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import Term
+from dashred.physics.tangents.sources import Sources
 from dashred.physics.tangents.tangent_linear import has_spectral_tangents, tangent_linear
 from dashred.physics.terms.library import resolve
 
@@ -149,6 +150,30 @@ def test_chunks_of_steps_and_columns_change_nothing(case, monkeypatch):
     same, pieces = jacobian(system, forcing, sources)
     torch.testing.assert_close(same, states, rtol=1e-10, atol=1e-10)
     torch.testing.assert_close(pieces, whole, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("chosen", [range(0, 2), range(2, 5), range(4, 5)])
+def test_chosen_columns_have_the_same_bits_and_only_their_sources_are_evaluated(
+    case, monkeypatch, chosen
+):
+    system, forcing, sources = case
+    monkeypatch.setattr("dashred.physics.tangents.tangent_linear.COLUMN_POINTS", 1)
+    _, whole = jacobian(system, forcing, sources)
+    made: list[Sources] = []
+
+    def kept(*args):
+        made.append(Sources(*args))
+        return made[-1]
+
+    monkeypatch.setattr("dashred.physics.tangents.tangent_linear.Sources", kept)
+    start = nominal_start(system)[0]
+    found = tangent_linear(
+        system, start, directions(system), TIMES, forcing, sources, torch.float64, chosen=chosen
+    )
+    tangents = torch.stack([columns for _, columns in found])
+    assert torch.equal(tangents, whole[:, chosen.start : chosen.stop])
+    [evaluated] = made
+    assert {column for _, column, _ in (*evaluated.drives, *evaluated.shifts)} <= set(chosen)
 
 
 def test_the_first_output_is_the_start(case):
