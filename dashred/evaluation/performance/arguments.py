@@ -17,7 +17,7 @@ from dashred.core.errors import InputError, nearest
 
 PARTS = (
     *("grid", "sensors", "library", "record", "episodes", "members"),
-    *("jobs", "cluster", "stages"),
+    *("jobs", "cluster", "columns", "stages"),
 )
 # Whole analyses take minutes each, and are measured only where they are asked for.
 DEFAULT_PARTS = PARTS[:-1]
@@ -41,7 +41,7 @@ class Request:
         record: lengths of the record, as multiples of the shortest.
         episodes: numbers of episodes.
         members: numbers of trajectories of an ensemble.
-        workers: numbers of workers of the parts jobs and cluster.
+        workers: numbers of workers of the parts jobs, cluster and columns.
         systems: systems of the part stages.
     """
 
@@ -90,7 +90,7 @@ class Request:
     workers: tuple[int, ...] = argument(
         list_reader(integer_reader(at_least=1, at_most=64)),
         "1,2",
-        "numbers of workers of the parts jobs and cluster",
+        "numbers of workers of the parts jobs, cluster and columns",
         default="1,2,4,8",
     )
     systems: tuple[str, ...] = argument(
@@ -142,9 +142,10 @@ def read_words(argv: list[str]) -> Request:
     """
     request = COMMAND.read(argv)
     check_checkout("the benchmark is run")
-    if "cluster" in request.parts and find_spec("distributed") is None:
+    divided = [part for part in ("cluster", "columns") if part in request.parts]
+    if divided and find_spec("distributed") is None:
         raise InputError(
-            "the part cluster needs distributed, which is not installed",
+            f"the part {divided[0]} needs distributed, which is not installed",
             where=COMMAND_LINE,
             hint='pip install "dashred[cluster]", or leave the part out of parts=',
         )

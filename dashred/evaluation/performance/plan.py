@@ -76,6 +76,7 @@ def tasks_of(request: Request) -> list[Task]:
         "members": request.members,
         "jobs": request.workers,
         "cluster": request.workers,
+        "columns": request.workers,
         "stages": request.systems,
     }
     return [Task(part, size, request.repeats) for part in request.parts for size in sizes[part]]

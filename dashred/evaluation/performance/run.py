@@ -21,10 +21,12 @@ from dashred.evaluation.performance.arguments import Request
 from dashred.evaluation.performance.page import check_page
 from dashred.evaluation.performance.plan import GROWTHS, Task, tasks_of
 from dashred.evaluation.performance.rows import Row, is_done, write_row
-from dashred.evaluation.performance.speed_up import by_cluster, by_jobs, kind_of_case
+from dashred.evaluation.performance.speed_up import by_cluster, by_columns, by_jobs, kind_of_case
 from dashred.pipeline.run.output_dir import make_output
 from dashred.pipeline.run.provenance import git_commit
 
+# What measures the parts in which workers are added.
+SPEED_UPS = {"jobs": by_jobs, "cluster": by_cluster, "columns": by_columns}
 CHILD = "dashred.evaluation.performance.measured.child"
 # Variables that decide how many threads a process starts.
 THREADS = ("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -70,9 +72,8 @@ def _measured(request: Request, task: Task) -> Row:
     if task.part == "stages":
         return _stages(request.output, str(task.size))
     size = int(task.size)
-    if task.part in ("jobs", "cluster"):
-        measure = by_jobs if task.part == "jobs" else by_cluster
-        return measure(size, kind_of_case(request.workers))
+    if task.part in SPEED_UPS:
+        return SPEED_UPS[task.part](size, kind_of_case(request.workers))
     growth = GROWTHS[task.part]
     asked = {
         "setting": asdict(growth.setting(size)),

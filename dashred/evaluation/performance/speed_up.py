@@ -15,9 +15,14 @@ from typing import Any
 
 from dashred.core.cluster.calls import ClusterCalls, cluster_in_use, use_cluster
 from dashred.core.cluster.word import Cluster
+from dashred.evaluation.performance.measured.setting import Setting
 from dashred.evaluation.side_by_side import run_all
 
 CASES = 16
+# The problem of one large analysis, with 216 columns, and the seconds of its trajectory and of each
+# column on a core at 2.8 GHz, for workers that wait.
+LARGE = Setting(points=128, terms=200)
+TRAJECTORY, COLUMN = 0.15, 0.025
 COMPUTES, WAITS = "computes", "waits"
 PROGRAMS = {
     COMPUTES: "total = 0\nfor i in range(20_000_000): total += i",
@@ -49,6 +54,29 @@ def by_cluster(workers: int, kind: str, cases: int = CASES) -> dict[str, Any]:
         started = time.perf_counter() - began
         seconds = _seconds(workers, cases, _on(calls), kind)
     return {"kind": kind, "cases": cases, "seconds": seconds, "start": started}
+
+
+def by_columns(workers: int, kind: str) -> dict[str, Any]:
+    """Return the seconds of one large Jacobian on a cluster of this machine.
+
+    Where a worker has no core of its own, the columns wait as long as they take on this machine.
+    """
+    from dashred.core.threads import use_threads
+    from dashred.evaluation.performance.measured.problem import UnitProblem
+    from dashred.evaluation.performance.measured.setting import COLUMNS
+
+    use_threads(1)
+    problem = UnitProblem(LARGE)
+    problem.warm_up()
+    columns, compute = len(problem.phi), problem.pieces[COLUMNS]
+    if kind == WAITS:
+        problem.waits(TRAJECTORY, COLUMN)
+    with use_cluster(Cluster("local", workers), {}):
+        # The workers import the package, and are sent what they keep.
+        compute()
+        began = time.perf_counter()
+        compute()
+        return {"kind": kind, "cases": columns, "seconds": time.perf_counter() - began}
 
 
 def _seconds(workers: int, cases: int, run: Callable[[str], None], kind: str) -> float:

@@ -195,5 +195,5 @@ def test_a_small_measurement_from_end_to_end(tmp_path: Path) -> None:
             assert measured > 0 and row["floor"][piece]["seconds"] > 0
         assert 100 < row["before"] <= row["memory"] < 4000
     text = page.read_text()
-    assert "| grid points |" in text and "| jobs= | 2 | 16, each" in text
+    assert "| grid points |" in text and "| jobs= | 2 | 16 cases, each" in text
     assert json.loads(page.with_suffix(".jsonl").read_text().splitlines()[0])["part"] == "grid"

@@ -48,12 +48,18 @@ def test_the_efficiency_of_workers() -> None:
     rows = [common("jobs", n) | case | {"seconds": found} for n, found in seconds.items()]
     rows.append(common("cluster", 2) | case | {"seconds": 10.0, "start": 3.0})
     text = figures(rows)
-    assert "| jobs= | 2 | 16, each waits | 8 | 2.00 | 1.00 |  |" in text
-    assert "| jobs= | 4 | 16, each waits | 5 | 3.20 | 0.80 |  |" in text
-    assert "| cluster= | 2 | 16, each waits | 10 | 2.00 | 1.00 | 3 |" in text
+    assert "| jobs= | 2 | 16 cases, each waits | 8 | 2.00 | 1.00 |  |" in text
+    assert "| jobs= | 4 | 16 cases, each waits | 5 | 3.20 | 0.80 |  |" in text
+    assert "| cluster= | 2 | 16 cases, each waits | 10 | 2.00 | 1.00 | 3 |" in text
     assert "Goals that are missed" not in text
     slow = [*rows[:2], common("jobs", 4) | case | {"seconds": 6.0}]
     assert "- jobs= with 4 workers: efficiency 0.67, goal 0.8" in figures(slow)
+    columns = {"kind": "waits", "cases": 216}
+    pairs = {1: 6.0, 4: 3.0}
+    divided = [common("columns", n) | columns | {"seconds": found} for n, found in pairs.items()]
+    text = figures(divided)
+    assert "| cluster=, one Jacobian | 4 | 216 columns, each waits | 3 | 2.00 | 0.50 |  |" in text
+    assert "- cluster=, one Jacobian with 4 workers: efficiency 0.50, goal 0.6" in text
 
 
 def test_the_stages_of_whole_analyses_longest_first() -> None:

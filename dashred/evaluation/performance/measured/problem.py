@@ -23,6 +23,7 @@ from dashred.evaluation.performance.measured.setting import (
     SELECTION,
     Setting,
 )
+from dashred.evaluation.performance.measured.waiting_simulator import WaitingSimulator
 from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.fit.selection.stepwise_moves import promising_sets
@@ -87,6 +88,12 @@ class UnitProblem:
         _, trials = short.values(self._batch[:1])
         short.linearise(self.phi, trials.readings[0])
         self._readings = self.objective.values(self._batch[:1])[1].readings[0]
+
+    def waits(self, trajectory: float, column: float) -> None:
+        """Let the columns wait instead of computing; arguments in seconds."""
+        model = self.objective.forward_model
+        waiting = WaitingSimulator(model.simulator, trajectory, column)
+        self.objective = replace(self.objective, forward_model=replace(model, simulator=waiting))
 
     def _columns(self) -> None:
         self._normal = self.objective.linearise(self.phi, self._readings)
