@@ -20,7 +20,7 @@ from dashred.evaluation.side_by_side import run_all
 
 CASES = 16
 # The problem of one large analysis, with 216 columns, and the seconds of its trajectory and of each
-# column on a core at 2.8 GHz, for workers that wait.
+# column, for workers that wait.
 LARGE = Setting(points=128, terms=200)
 TRAJECTORY, COLUMN = 0.15, 0.025
 COMPUTES, WAITS = "computes", "waits"
@@ -59,7 +59,7 @@ def by_cluster(workers: int, kind: str, cases: int = CASES) -> dict[str, Any]:
 def by_columns(workers: int, kind: str) -> dict[str, Any]:
     """Return the seconds of one large Jacobian on a cluster of this machine.
 
-    Where a worker has no core of its own, the columns wait as long as they take on this machine.
+    Where a worker has no core of its own, columns wait as long as they take on a core at 2.8 GHz.
     """
     from dashred.core.threads import use_threads
     from dashred.evaluation.performance.measured.problem import UnitProblem

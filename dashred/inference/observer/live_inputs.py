@@ -16,8 +16,6 @@ Array = NDArray[np.float64]
 # Knots of the curves that the simulator reads at once, and samples that are remembered: an alarm
 # is examined with the inputs of the samples before it.
 KNOTS, REMEMBERED = 1024, 25_000
-
-
 # The end of a step may be this share of it too early.
 ROUNDING = 1e-6
 

@@ -126,6 +126,18 @@ def losses(
     return module.network_fit().losses(latent, data.fitted, FIRST_ERROR, weight)
 
 
+def field_errors(shred, module, data, real) -> tuple[float, float]:
+    """Return the errors of SHRED and of the assimilation in the real field."""
+    before, after = (
+        float((states - real).square().mean().sqrt())
+        for states in (
+            reconstruct(shred.encode, shred, data.windows),
+            reconstruct(module.encoder, module.shred, data.windows),
+        )
+    )
+    return before, after
+
+
 def test_it_starts_as_shred(system, shred, data):
     module = make(system, shred, data)
     torch.testing.assert_close(
@@ -201,13 +213,7 @@ def test_the_fit_brings_the_field_nearer_to_the_real_one(system, shred, data, re
     module.dynamics.set_law(torch.tensor([0, -0.2, 0, 0, 0, 0, 0, 0]).double())
     frozen = copy.deepcopy(module.shred.state_dict())
     fitted(module, WholeRecordingDataModule(data), 3)
-    before, after = (
-        float((states - real).square().mean().sqrt())
-        for states in (
-            reconstruct(shred.encode, shred, data.windows),
-            reconstruct(module.encoder, module.shred, data.windows),
-        )
-    )
+    before, after = field_errors(shred, module, data, real)
     assert after < 0.8 * before
     assert after < 0.2 * before
     changed = {n for n, v in module.shred.state_dict().items() if not torch.equal(v, frozen[n])}

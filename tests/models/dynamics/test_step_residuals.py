@@ -16,10 +16,16 @@ from dashred.models.dynamics.step_residuals import (
     SearchResidual,
 )
 from dashred.models.lag_windows import windows
-from dashred.models.shred import reconstruct
 from datamodules import WholeRecordingDataModule
 from tests import ring
-from tests.models.dynamics.test_dynamic_assimilation import built, data, real, shred, system
+from tests.models.dynamics.test_dynamic_assimilation import (
+    built,
+    data,
+    field_errors,
+    real,
+    shred,
+    system,
+)
 from tests.models.test_assimilation import INPUTS, LAGS, fitted
 
 __all__ = ["data", "real", "shred", "system"]
@@ -97,11 +103,5 @@ def test_a_fit_in_latent_space_brings_the_field_nearer_to_the_real_one(
     )
     module.dynamics.set_law(torch.tensor([0, -0.2, 0, 0, 0, 0, 0, 0]).double())
     fitted(module, WholeRecordingDataModule(data), 3)
-    before, after = (
-        float((states - real).square().mean().sqrt())
-        for states in (
-            reconstruct(shred.encode, shred, data.windows),
-            reconstruct(module.encoder, module.shred, data.windows),
-        )
-    )
+    before, after = field_errors(shred, module, data, real)
     assert after < 0.6 * before and module.error < 0.1
