@@ -51,6 +51,7 @@ class LawSelection(Callback):
     Attributes:
         history: coefficients of the terms of the library, ``(term,)``, by epoch; those of the
             epochs that latent SINDy logs.
+        parameter_history: coefficients of the tangents of parameters, by name and epoch.
 
     Args:
         problem: what latent SINDy solves.
@@ -65,6 +66,7 @@ class LawSelection(Callback):
         self.problem, self.parameters = problem, tuple(parameters)
         self.child, self.parent = child, parent
         self.history: list[list[float]] = []
+        self.parameter_history: dict[str, list[float]] = {name: [] for name in parameters}
 
     def on_train_epoch_end(self, trainer: Trainer, pl_module: LightningModule) -> None:
         """Choose the law of the next epoch."""
@@ -121,6 +123,8 @@ class LawSelection(Callback):
         """Add a point to the history and return it as metrics."""
         terms = len(self.problem.library)
         self.history.append(law[:terms].tolist())
+        for name, value in zip(self.parameters, law[terms:].tolist(), strict=True):
+            self.parameter_history[name].append(value)
         names = [
             *(metric_name(NAME, term.equation, str(term)) for term in self.problem.library),
             *(metric_name(NAME, "parameter", name) for name in self.parameters),

@@ -147,5 +147,6 @@ def test_changes_of_parameters_follow_the_terms_of_the_library(system, shred, da
     module.dynamics.set_law(law)
     found = fewer.finish(module, 1)
     assert found.parameters == {"nu": pytest.approx(-0.5)}
+    assert fewer.parameter_history == {"nu": [pytest.approx(-0.5)]}
     assert found.fit.coefficients.nonzero()[0].tolist() == [1]
     assert len(fewer.history[-1]) == len(known.library) - 1

@@ -58,6 +58,7 @@ class AssimilationResult:
         curves: metric → (epoch, value).
         others: ``(shred, dashred)`` of the other fitted episodes.
         parameters: changes of parameters that the assimilation with dynamics proposes, by name.
+        tangents: coefficients of the tangents ∂N/∂p of all parameters, by name and epoch.
     """
 
     shred: Tensor
@@ -69,6 +70,7 @@ class AssimilationResult:
     curves: dict[str, list[tuple[int, float]]]
     others: tuple[tuple[Tensor, Tensor], ...] = ()
     parameters: Mapping[str, float] = field(default_factory=dict)
+    tangents: Mapping[str, list[float]] = field(default_factory=dict)
 
 
 def sensor_data(problem: Problem) -> RecordingDataModule:
@@ -180,8 +182,8 @@ def fit_transform(
         if law is not None:
             assert isinstance(module, DynamicAssimilation)
             last = discovery.epochs[-1]
-            proposals[NAME], tangents, minimum = law.finish(module, last)
-            changed = {p: parameter_change(problem.system, p, xi) for p, xi in tangents.items()}
+            proposals[NAME], changes, minimum = law.finish(module, last)
+            changed = {p: parameter_change(problem.system, p, xi) for p, xi in changes.items()}
             coefficients[NAME] = law.history
             final = None if minimum is None else _take_final(module, minimum, data, best_epoch)
             if final is not None:
@@ -205,6 +207,7 @@ def fit_transform(
         curves.history,
         tuple(others),
         changed,
+        {} if law is None else law.parameter_history,
     )
     return result, module.encoder
 

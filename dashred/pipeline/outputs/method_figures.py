@@ -20,7 +20,8 @@ from dashred.reporting.figures.save import (
     learning_curves,
 )
 
-TITLES = {"alg1": "Algorithm 1", "alg2": "Algorithm 2", "dynamics": "With dynamics"}
+DYNAMICS = "With dynamics"
+TITLES = {"alg1": "Algorithm 1", "alg2": "Algorithm 2", "dynamics": DYNAMICS}
 
 
 def draw_coefficients(problem: Problem, assimilated: AssimilationResult) -> Figure:
@@ -30,6 +31,12 @@ def draw_coefficients(problem: Problem, assimilated: AssimilationResult) -> Figu
         for name, title in TITLES.items()
         if name in assimilated.coefficients
     }
+    if DYNAMICS in panels:
+        panels[DYNAMICS] |= {
+            f"parameter {name}": np.array(curve)
+            for name, curve in assimilated.tangents.items()
+            if any(curve)
+        }
     title = "Coefficients that latent SINDy proposes, by epoch of assimilation"
     return coefficients_against_epoch(np.array(assimilated.epochs), panels, title)
 

@@ -60,8 +60,9 @@ DASHES = {
     "observer": "-.",
 }
 
-# Width of the longest legend entry, in inches.
+# Least width of a legend entry, and the widths of its line and of a letter, in inches.
 LEGEND_ENTRY_WIDTH = 2.3
+LEGEND_LINE_WIDTH, LETTER_WIDTH = 0.6, 0.07
 
 RC: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
@@ -144,7 +145,8 @@ def legend_above(figure: Figure, axes: Axes) -> None:
     """Add the legend of some axes above the figure, in as many columns as fit."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
-        columns = max(1, min(len(handles), int(figure.get_figwidth() / LEGEND_ENTRY_WIDTH)))
+        width = max(LEGEND_ENTRY_WIDTH, LEGEND_LINE_WIDTH + LETTER_WIDTH * max(map(len, labels)))
+        columns = max(1, min(len(handles), int(figure.get_figwidth() / width)))
         figure.legend(handles, labels, loc="outside upper left", ncols=columns)
 
 

@@ -333,3 +333,12 @@ def test_the_best_estimate_sets_the_colour_scale() -> None:
     assert scale_reference(kinds)[0] == 2.0
     assert scale_reference(kinds | {"truth": np.full(3, 4.0)})[0] == 4.0
     assert scale_reference({"simulation": np.zeros(3), "shred": np.ones(3)})[0] == 0.0
+
+
+def test_a_legend_with_long_labels_stays_in_its_figure(tmp_path: Path) -> None:
+    names = ["SHRED, unseen simulations", "DA-SHRED, fitted", "DA-SHRED, validation"]
+    curve = np.array([0.0, 1.0]), np.array([1.0, 0.00949])
+    figure = learning_curves(dict.fromkeys(names, curve), "RMSE / standard deviation")
+    save_figure(figure, tmp_path / "learning.png")
+    [legend] = figure.legends
+    assert legend.get_window_extent().x1 <= figure.bbox.x1
