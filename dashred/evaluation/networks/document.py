@@ -66,7 +66,7 @@ def _counts(done: Sequence[Row], noise: float) -> list[str]:
 
 
 def _variant(name: str, done: Sequence[Row]) -> list[str]:
-    """Return the row of a variant: the median and the largest ratio of its error to SHRED's."""
+    """Return the row of a variant: what it has, and the ratio of its error to SHRED's."""
     done = [row for row in done if name in row["rmse"]]
     found = [ratio(row, name, SHRED) for row in done]
     variant = VARIANTS[name]
