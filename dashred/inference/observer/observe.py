@@ -6,23 +6,23 @@ simulations, H the sensors and R the variance of their noise::
     K = ⟨e (He)ᵀ⟩ (⟨He (He)ᵀ⟩ + R)⁻¹        û = ũ + K (y − H ũ)
 
 The same gain corrects the estimates of the simulations, whose errors are those of the next sample.
-No estimate uses a later reading. The simulator runs one state for the recording; an ensemble filter
-needs tens of them. The gain is optimal in the mean over the population, and not for each state.
+No estimate uses a later reading. This gain is optimal in the mean over the population. Where
+perturbations about each estimate make the errors of simulations smaller (:mod:`.estimate`), the
+gain follows the state.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dashred.core.budget import NEVER, Deadline
-from dashred.inference.observer.localisation import used_sensors
-from dashred.inference.observer.simulated_errors import ObservedRecord, SimulatedErrors
+from dashred.inference.observer.both_gains import BothGains
+from dashred.inference.observer.observed_path import ObservedPath
+from dashred.inference.observer.simulated_errors import ObservedRecord
 
 Array = NDArray[np.float64]
 
@@ -43,20 +43,13 @@ class Observation:
         states: estimate at each sample, ``(time, field*point)``.
         spread: its standard deviation, ``(time, field*point)``.
         model_error: as in :class:`.SimulatedErrors`.
+        perturbations: number beside the estimate at the end; 0 with the mean gain.
     """
 
     states: Array
     spread: Array
     model_error: float
-
-
-class _Run(NamedTuple):
-    """Estimates and their spread by record, and the innovations in expected std."""
-
-    states: list[Array]
-    spreads: list[Array]
-    mean_square: float
-    cost: float
+    perturbations: int
 
 
 def observe(
@@ -75,91 +68,38 @@ def observe(
     Raises:
         OutOfTimeError: the deadline is over before the first run has ended.
     """
-    best: tuple[_Run, float] | None = None
+    best: tuple[ObservedPath, float] | None = None
     for model_error in MODEL_ERRORS:
         if best is not None and deadline.is_over:
             break
-        run = _run(records, model_error, np.random.default_rng(seed), deadline)
-        if best is None or run.cost < best[0].cost:
-            best = run, model_error
-        if run.mean_square <= EXPECTED:
-            best = run, model_error
+        path = _run(records, model_error, seed, deadline)
+        if best is None or path.cost < best[0].cost:
+            best = path, model_error
+        if path.mean_square <= EXPECTED:
+            best = path, model_error
             break
     assert best is not None
-    run, model_error = best
+    path, model_error = best
     return [
-        Observation(states, spread, model_error)
-        for states, spread in zip(run.states, run.spreads, strict=True)
+        Observation(np.stack(states), np.stack(spread), model_error, path.perturbations)
+        for states, spread in zip(path.states, path.spreads, strict=True)
     ]
 
 
 def _run(
     records: Sequence[ObservedRecord],
     model_error: float,
-    rng: np.random.Generator,
+    seed: Sequence[int],
     deadline: Deadline,
-) -> _Run:
-    parts = [SimulatedErrors(record, model_error, rng) for record in records]
-    states: list[list[Array]] = [[] for _ in records]
-    spreads: list[list[Array]] = [[] for _ in records]
-    squares: list[Array] = []
-    members, sensors = sum(len(part.errors) for part in parts), len(records[0].noise)
-    optimism = _optimism(members, used_sensors(sensors, members))
-    cost, count = 0.0, max(len(record.values) for record in records)
-    beginning = int(BEGINNING * count)
+) -> ObservedPath:
+    observers = BothGains(records, model_error, seed)
+    count = max(len(record.values) for record in records)
+    path = ObservedPath(len(records), int(BEGINNING * count))
     for sample in range(count):
         deadline.check()
-        if sample:
-            for part in parts:
-                part.forecast(sample)
-        errors = np.concatenate([part.errors for part in parts])
-        of_sensors = np.concatenate([part.of_sensors for part in parts])
-        between, across = covariances(errors, of_sensors, records[0].tapers)
-        for part, found, spread in zip(parts, states, spreads, strict=True):
-            known = part.record.known(sample)
-            expected = between[np.ix_(known, known)] + np.diag(np.square(part.record.noise[known]))
-            gain: Array = np.linalg.solve(expected, across[known])
-            innovations = part.analyse(gain, sample)
-            if sample >= len(part.record.values):
-                continue
-            found.append(part.estimate)
-            spread.append(optimism * np.sqrt(np.square(part.errors).mean(axis=0)))
-            if sample >= beginning:
-                variance = optimism**2 * np.diag(expected)
-                squares.append(np.square(innovations) / variance)
-                cost += float((np.log(variance) + squares[-1]).sum())
-    joined = np.concatenate(squares) if squares else np.empty(0)
-    mean_square = float(joined.mean()) if len(joined) else 0.0
-    return _Run(
-        [np.stack(each) for each in states],
-        [np.stack(each) for each in spreads],
-        mean_square,
-        cost if math.isfinite(cost) else math.inf,
-    )
-
-
-def covariances(errors: Array, of_quantities: Array, tapers: Array) -> tuple[Array, Array]:
-    """Return the covariances of sensors with quantities, and with the state.
-
-    Args:
-        errors: of the state, ``(member, field*point)``.
-        of_quantities: of sensors and further quantities, ``(member, quantity)``.
-        tapers: localisation, ``(sensor, quantity and field*point)``.
-
-    Returns:
-        ``(sensor, quantity)`` and ``(sensor, field*point)``.
-    """
-    sensors, quantities = len(tapers), of_quantities.shape[1]
-    known = of_quantities[:, :sensors].T / len(errors)
-    return tapers[:, :quantities] * (known @ of_quantities), tapers[:, quantities:] * (
-        known @ errors
-    )
-
-
-def _optimism(members: int, sensors: int) -> float:
-    """Return the std of an error over that of the members from which the gain comes.
-
-    A regression on so many readings explains a part of the errors of its own members by chance
-    (Akaike, Ann. Inst. Stat. Math. 21, 1969: final prediction error).
-    """
-    return math.sqrt((members + sensors) / max(1, members - sensors))
+        analyses = observers.analyse(observers.forecast())
+        for index, (record, found) in enumerate(zip(records, analyses, strict=True)):
+            if sample < len(record.values):
+                path.add(index, found)
+    path.perturbations = observers.perturbations
+    return path

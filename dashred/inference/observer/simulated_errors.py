@@ -59,18 +59,19 @@ class ObservedRecord:
         on_grid: Tensor = self.march.on_grid(states)
         return self.operator(on_grid, float(self.times[sample])).numpy()
 
-    def seconds_per_step(self, state: Array) -> float:
-        """Return the median time of a step of one state: the simulator, the readings, the gain.
+    def seconds_per_step(self, states: Array) -> float:
+        """Return the median time of a step: the simulator, the readings and the gain.
 
         Args:
-            state: of the first sample, ``(1, field*point)``.
+            states: of the first sample, and with each perturbation,
+                ``(1 + perturbation, field*point)``.
         """
-        gain = np.zeros((len(self.noise), state.shape[1]))
+        gain = np.zeros((len(self.noise), states.shape[1]))
         taken = []
         for _ in range(TIMED_STEPS):
             began = time.perf_counter()
-            later = self.march(state, float(self.times[0]), self.span(1))
-            later + (self.values[0] - self.readings(later, 1)[0]) @ gain
+            later = self.march(states, float(self.times[0]), self.span(1))
+            later + (self.values[0] - self.readings(later, 1)) @ gain
             taken.append(time.perf_counter() - began)
         return median(taken)
 
@@ -85,6 +86,7 @@ class SimulatedErrors:
     """The observer on the simulations of one record, and on its recording.
 
     Attributes:
+        simulated: states of the simulations, ``(member, field*point)``.
         errors: true state minus estimate, ``(member, field*point)``.
         of_sensors: the same for what the sensors read, ``(member, quantity)``.
         estimate: of the state in the recording, ``(field*point,)``.
@@ -102,25 +104,27 @@ class SimulatedErrors:
             rng: random number generator.
         """
         self.record, self._model_error, self._rng = record, model_error, rng
-        self._simulated = record.states(0)
-        self.estimate = self._simulated.mean(axis=0)
-        self.errors = self._simulated - self.estimate
+        self.simulated = record.states(0)
+        self.estimate = self.simulated.mean(axis=0)
+        self.errors = self.simulated - self.estimate
         self.of_sensors = np.empty(0)
         self._read(0)
 
     def forecast(self, sample: int) -> None:
         """Run the estimates to a sample from the one before."""
         record, members = self.record, len(self.errors)
-        states = np.concatenate([self._simulated - self.errors, self.estimate[None]])
+        states = np.concatenate([self.simulated - self.errors, self.estimate[None]])
         states = record.march(states, float(record.times[sample - 1]), record.span(sample))
-        self._simulated = record.states(sample)
-        self.errors = self._simulated - states[:members]
+        self.simulated = record.states(sample)
+        self.errors = self.simulated - states[:members]
         self._replace_lost()
         if self._model_error:
-            self.errors += self._model_error / np.sqrt(2) * self._differences()
+            self.errors += (
+                self._model_error / np.sqrt(2) * self.differences(len(self.errors), self._rng)
+            )
         # The estimate may blow up, and then begins again.
         own = states[members]
-        self.estimate = own if np.isfinite(own).all() else self._simulated.mean(axis=0)
+        self.estimate = own if np.isfinite(own).all() else self.simulated.mean(axis=0)
         self._read(sample)
 
     def analyse(self, gain: Array, sample: int) -> Array:
@@ -142,13 +146,13 @@ class SimulatedErrors:
 
     def _read(self, sample: int) -> None:
         read = self.record.readings
-        estimates = self._simulated - self.errors
-        self.of_sensors = read(self._simulated, sample) - read(estimates, sample)
+        estimates = self.simulated - self.errors
+        self.of_sensors = read(self.simulated, sample) - read(estimates, sample)
 
-    def _differences(self) -> Array:
-        """Return differences of random pairs of simulations, ``(member, field*point)``."""
-        pairs = self._rng.integers(len(self._simulated), size=(2, len(self._simulated)))
-        found: Array = self._simulated[pairs[0]] - self._simulated[pairs[1]]
+    def differences(self, count: int, rng: np.random.Generator) -> Array:
+        """Return differences of random pairs of simulations, ``(count, field*point)``."""
+        pairs = rng.integers(len(self.simulated), size=(2, count))
+        found: Array = self.simulated[pairs[0]] - self.simulated[pairs[1]]
         return found
 
     def _replace_lost(self) -> None:

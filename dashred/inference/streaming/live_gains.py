@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dashred.inference.observer.both_gains import BothGains
+from dashred.inference.observer.covariances import Covariances
 from dashred.inference.observer.march import March
-from dashred.inference.observer.observe import covariances
-from dashred.inference.observer.simulated_errors import ObservedRecord, SimulatedErrors
+from dashred.inference.observer.simulated_errors import ObservedRecord
 from dashred.inference.streaming.live_estimator import MIXING
 from dashred.inference.streaming.readout import Readout
 
@@ -25,19 +27,18 @@ class LiveGains:
     """Covariances of the errors of the forecasts, by the number of samples since the beginning.
 
     Attributes:
-        between: of sensors and quantities, ``(sample, sensor, quantity)``.
-        variances: of the quantities, ``(sample, quantity)``.
-        across: of sensors and state, ``(sample, sensor, field*point)``.
+        means: over simulations, by sample.
+        perturbations: number beside the estimate, for a gain that follows the state; or 0.
+        factor: squared error of each quantity over its expected variance, ``(quantity,)``.
     """
 
-    between: Array
-    variances: Array
-    across: Array
+    means: Sequence[Covariances]
+    perturbations: int
+    factor: Array
 
-    def at(self, sample: int) -> tuple[Array, Array, Array]:
-        """Return all for a sample; they no longer change after the last one."""
-        index = min(sample, len(self.between) - 1)
-        return self.between[index], self.variances[index], self.across[index]
+    def at(self, sample: int) -> Covariances:
+        """Return the mean covariances of a sample; they no longer change after the last one."""
+        return self.means[min(sample, len(self.means) - 1)]
 
 
 def learn_gains(
@@ -52,6 +53,8 @@ def learn_gains(
 ) -> LiveGains:
     """Observe simulations, and average the covariances of their later samples.
 
+    On some of them, a gain that follows the state is tried (:class:`.both_gains.BothGains`).
+
     Args:
         march: the simulator.
         readout: sensors first, then further quantities.
@@ -62,8 +65,7 @@ def learn_gains(
         model_error: see :class:`.simulated_errors.SimulatedErrors`.
         seed: of the random numbers.
     """
-    rng = np.random.default_rng(seed)
-    simulations = _Simulations(march, climate, span, rng)
+    simulations = _Simulations(march, climate, span, np.random.default_rng(seed))
     record = ObservedRecord(
         march=march,
         states=simulations,
@@ -73,23 +75,22 @@ def learn_gains(
         operator=readout.operator,
         tapers=tapers,
     )
-    errors, sensors = SimulatedErrors(record, model_error, rng), len(noise)
-    learnt = []
-    for sample in range(SAMPLES):
-        if sample:
-            errors.forecast(sample)
-        between, across = covariances(errors.errors, errors.of_sensors, tapers)
-        learnt.append((between, np.square(errors.of_sensors).mean(axis=0), across))
-        expected = between[:, :sensors] + np.diag(np.square(noise))
-        gain: Array = np.linalg.solve(expected, across)
-        errors.analyse(gain, sample)
+    observers = BothGains([record], model_error, [seed])
+    means, found, expected = [], [], []
+    for _ in range(SAMPLES):
+        means.append(observers.forecast())
+        observers.analyse(means[-1])
+        errors, variances = observers.perturbed[0].of_quantities
+        found.append(np.square(errors).mean(axis=0))
+        expected.append(variances.mean(axis=0))
     half = SAMPLES // 2
-    return LiveGains(
-        *(
-            np.stack([*each[:half], np.mean(each[half:], axis=0)])
-            for each in zip(*learnt, strict=True)
-        )
-    )
+    steady = Covariances(*(np.mean(each, axis=0) for each in zip(*means[half:], strict=True)))
+    perturbations = observers.perturbations
+    factor = np.ones(len(expected[0]))
+    if perturbations:
+        known = np.maximum(np.sum(expected[half:], axis=0), np.finfo(np.float64).tiny)
+        factor = np.sum(found[half:], axis=0) / known
+    return LiveGains([*means[:half], steady], perturbations, factor)
 
 
 class _Simulations:

@@ -1,7 +1,8 @@
-"""A causal observer: one run of the simulator, and one step for every sample of a stream.
+"""A causal observer: one step of few runs of the simulator for every sample of a stream.
 
 See docs/method.md#observer. The gains come from simulations that start in the climate. They
-depend on the number of samples since the beginning, and are steady later.
+depend on the number of samples since the beginning, and are steady later. Where it pays,
+perturbations about the estimate make them follow the state.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from dashred.data.sensors import Sensor
 from dashred.inference.initial_state.ensemble_filter import FilterLostError
+from dashred.inference.observer.estimate import Estimate
 from dashred.inference.observer.localisation import radius_for, sensor_tapers
 from dashred.inference.observer.march import March, points_of
 from dashred.inference.streaming.live_estimator import FAR, Analysed, LiveSettings
@@ -33,7 +35,7 @@ class LiveObserver:
 
     Attributes:
         time: of the last sample.
-        state: the estimate, ``(1, field*point)``, at the points of the axes without mirror images.
+        estimate: of the state, at the points of the axes without mirror images.
     """
 
     def __init__(
@@ -73,7 +75,10 @@ class LiveObserver:
 
     def copy(self) -> LiveObserver:
         """Return an independent copy in the same state."""
-        return copy.copy(self)
+        other = copy.copy(self)
+        other.estimate = copy.copy(self.estimate)
+        other._rng = copy.deepcopy(self._rng)
+        return other
 
     def with_settings(self, settings: LiveSettings) -> LiveObserver:
         """Return the observer with other settings, before the first sample."""
@@ -86,8 +91,9 @@ class LiveObserver:
 
     def begin(self) -> None:
         """Begin at the mean of the climate."""
-        self.state, self.time = self._mean[None], math.nan
-        self._samples = 0
+        self._rng = np.random.default_rng(self._seed)
+        self.time, self._samples = math.nan, 0
+        self.estimate = Estimate(self._mean[None], self._differences() / math.sqrt(2))
         self._later: tuple[float, Array] | None = None
 
     @property
@@ -98,12 +104,14 @@ class LiveObserver:
     @property
     def description(self) -> str:
         """The observer and its settings in words."""
-        return f"observer: error of the simulator in a sample {self.settings.additive:g}"
+        followed = self._gains.perturbations
+        by_state = f"{followed} perturbations, " if followed else ""
+        return f"observer: {by_state}error of the simulator in a sample {self.settings.additive:g}"
 
     @property
     def mean(self) -> Array:
         """The estimate at the points of the axes, ``(field, *point)``."""
-        return self.state[0].reshape(len(self.system.fields), *self._shape)
+        return self.estimate.state[0].reshape(len(self.system.fields), *self._shape)
 
     def step(self, time: float, span: float, values: Array, limits: Array) -> Analysed:
         """Run to a sample and assimilate it; see :meth:`.live_estimator.LiveEstimator.step`.
@@ -111,47 +119,51 @@ class LiveObserver:
         Raises:
             FilterLostError: the estimate has blown up.
         """
+        estimate = self.estimate
         if not math.isnan(self.time):
-            self.state = self._arrived(time, span)
+            estimate.arrive(self._arrived(time, span), self._differences())
             self._check(time)
         self.time, self._later = time, None
         count = len(self._noise)
-        between, variances, across = self._gains.at(self._samples)
+        read = self.quantities(estimate.states, time)
+        known = estimate.covariances(self._gains.at(self._samples), read, self._tapers)
         self._samples += 1
-        expected = between[:, :count] + np.diag(self._noise**2)
+        expected = known.of_readings(self._noise, np.arange(count))
         std = np.sqrt(np.diag(expected))
-        innovation = values - self.quantities(self.state, time)[0, :count]
+        innovation = values - read[0, :count]
         # This is also false for a missing reading.
         used = np.flatnonzero(np.abs(innovation) < limits * std)
-        serial, variance, density = np.full(count, np.nan), variances.copy(), 0.0
+        serial, variance, density = np.full(count, np.nan), known.of_quantities.copy(), 0.0
         if len(used):
             # The factor of the readings that are used: innovations given the earlier ones.
             factor = np.linalg.cholesky(expected[np.ix_(used, used)])
             serial[used] = np.linalg.solve(factor, innovation[used])
-            weights = np.linalg.solve(factor.T, serial[used])
-            self.state = self.state + weights @ across[used]
-            explained = np.linalg.solve(factor, between[used])
+            estimate.correct(innovation[used], read[:, used], known.gain(self._noise, used))
+            explained = np.linalg.solve(factor, known.between[used])
             variance -= np.square(explained).sum(axis=0)
             density = -float(np.square(serial[used]).sum() / 2 + np.log(np.diag(factor)).sum())
-        estimate = self.quantities(self.state, time)[0]
-        spread = np.sqrt(variance.clip(min=0))
-        return Analysed(estimate, spread, innovation, std, serial, density)
+        analysed = self.quantities(estimate.state, time)[0]
+        spread = np.sqrt(self._gains.factor * variance.clip(min=0))
+        return Analysed(analysed, spread, innovation, std, serial, density)
 
     def ahead(self, span: float) -> Array:
         """Return the quantities that are expected after a time, ``(quantity,)``.
 
         Inputs keep their last values.
         """
-        later = self.march(self.state, self.time, span, known=self.time)
-        if not self.march.has_inputs:
+        # The next sample needs the same forecast, with its perturbations.
+        is_next = span == self._span and not self.march.has_inputs
+        states = self.estimate.states if is_next else self.estimate.state
+        later = self.march(states, self.time, span, known=self.time)
+        if is_next:
             self._later = span, later
-        return self.quantities(later, self.time + span)[0]
+        return self.quantities(later[:1], self.time + span)[0]
 
     def _arrived(self, time: float, span: float) -> Array:
-        """Return the state at a sample; a forecast of that length was computed already."""
+        """Return all states at a sample; a forecast of that length was computed already."""
         if self._later is not None and self._later[0] == span:
             return self._later[1]
-        return self.march(self.state, self.time, span, known=time)
+        return self.march(self.estimate.states, self.time, span, known=time)
 
     def _learnt(self) -> LiveGains:
         return learn_gains(
@@ -165,7 +177,12 @@ class LiveObserver:
             self._seed,
         )
 
+    def _differences(self) -> Array:
+        """Return differences of random states of the climate, ``(perturbation, field*point)``."""
+        pairs = self._rng.integers(len(self._climate), size=(2, self._gains.perturbations))
+        return self._climate[pairs[0]] - self._climate[pairs[1]]
+
     def _check(self, time: float) -> None:
-        farthest = np.abs(self.state - self._mean).max()
+        farthest = np.abs(self.estimate.states - self._mean).max()
         if not farthest <= FAR * self._range:
             raise FilterLostError(f"the estimate has blown up at t = {time:g}")

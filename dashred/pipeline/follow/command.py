@@ -71,7 +71,7 @@ class Arguments:
     members: int | None = argument(
         integer_reader(at_least=4, at_most=10_000),
         "40",
-        "members of an ensemble filter; default: an observer, or 40 if the system is chaotic",
+        "members of an ensemble filter; default: an observer",
         default=None,
     )
     fields: Path | None = argument(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -17,10 +16,8 @@ from dashred.data.sensors import Sensor
 from dashred.inference.observer.live_inputs import LiveInputs
 from dashred.inference.observer.march import March
 from dashred.inference.streaming.calibration import Calibration, calibrate
-from dashred.inference.streaming.error_growth import error_growth
 from dashred.inference.streaming.live_estimator import LiveEstimator, LiveSettings
 from dashred.inference.streaming.live_filter import LiveFilter
-from dashred.inference.streaming.live_gains import SAMPLES
 from dashred.inference.streaming.live_observer import LiveObserver
 from dashred.inference.streaming.monitor import Monitor
 from dashred.inference.streaming.tracker import Alarm, Tracker
@@ -40,9 +37,6 @@ from dashred.pipeline.follow.words import alarm_text, calibration_text
 BLOCK, PATIENCE = 64, 0.2
 # Fewest samples before the charts begin.
 SETTLING = 20
-# If a small error grows by more than this factor over the samples from which an observer would
-# learn, the estimator is an ensemble filter with so many members.
-CHAOTIC_GROWTH, CHAOTIC_MEMBERS = 10.0, 40
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,16 +120,11 @@ def _calibrated(
 def _estimator(
     run: FinishedRun, march: March, places: Sequence[Sensor], settings: Settings
 ) -> LiveEstimator:
-    """Return an observer; or an ensemble filter, if it is asked for or the system is chaotic."""
+    """Return an observer; or an ensemble filter, if it is asked for."""
     known = march, run.sensors, places, run.noise, run.climate
-    members = settings.members
-    if members is None:
-        growth = error_growth(march, run.climate, run.step, SAMPLES, settings.seed)
-        # The mean gain of an observer lets errors grow at times, and its innovations are not white.
-        members = CHAOTIC_MEMBERS if growth > math.log(CHAOTIC_GROWTH) else None
-    if members is None:
+    if settings.members is None:
         return LiveObserver(*known, run.step, LiveSettings(), settings.seed)
-    return LiveFilter(*known, members, LiveSettings(), settings.seed)
+    return LiveFilter(*known, settings.members, LiveSettings(), settings.seed)
 
 
 class _Session:

@@ -124,6 +124,6 @@ def test_a_larger_error_of_the_simulator_makes_it_less_certain() -> None:
 def test_an_estimate_that_blows_up_says_so() -> None:
     live = observer()
     live.step(0.0, streams.EVERY, np.zeros(2), NO_LIMITS)
-    live.state = live.state * np.inf
+    live.estimate.state = live.estimate.state * np.inf
     with pytest.raises(FilterLostError, match="blown up"):
         live.step(0.1, streams.EVERY, np.zeros(2), NO_LIMITS)

@@ -20,7 +20,7 @@ from dashred.core.errors import InputError, run_entry
 from dashred.data.io.reader import read_episodes
 from dashred.models.lag_windows import windows
 from dashred.models.shred import reconstruct
-from dashred.pipeline.follow import command, session
+from dashred.pipeline.follow import command
 from tests.conftest import CHECKOUT
 from tests.support import finished, streams
 
@@ -75,23 +75,15 @@ def noise(samples: int, seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("growth", "words", "told"),
+    ("words", "told"),
     [
-        (0.0, [], "observer: error of the simulator in a sample 0.001"),
-        (5.0, [], "filter: 40 members"),
-        (0.0, ["members=12"], "filter: 12 members"),
+        ([], "observer: error of the simulator in a sample 0.001"),
+        (["members=12"], "filter: 12 members"),
     ],
 )
-def test_a_chaotic_system_has_an_ensemble_filter(
-    run: Path,
-    tmp_path: Path,
-    capfd,
-    monkeypatch: pytest.MonkeyPatch,
-    growth: float,
-    words: list[str],
-    told: str,
+def test_an_ensemble_filter_is_used_if_it_is_asked_for(
+    run: Path, tmp_path: Path, capfd, words: list[str], told: str
 ) -> None:
-    monkeypatch.setattr(session, "error_growth", lambda *_: growth)
     path = finished.write_stream(tmp_path / "s.csv", *stream(30))
     known = [f"run={run}", f"source={path}", f"output={tmp_path / 'o.csv'}", "idle=0"]
     assert command.main([*known, *words]) == 0
