@@ -9,6 +9,7 @@ import torch
 from numpy.typing import NDArray
 
 from dashred.inference.observer.live_inputs import LiveInputs
+from dashred.physics.solvers.compiled.etdrk4 import CompiledETDRK4
 from dashred.physics.solvers.compiled.runge_kutta import CompiledRungeKutta
 from dashred.physics.solvers.compiled_simulator import CompiledSystem, compile_system
 from dashred.physics.system import System
@@ -34,7 +35,7 @@ class March:
         self.system, self._inputs = system, inputs
         self._compiled: CompiledSystem = compile_system(system, ())
         self._points = points_of(system)
-        self._depends_on_time = system.reads_time()
+        self._depends_on_time, self._has_jumps = system.reads_time(), len(system.jumps) > 0
         self._leaps: dict[tuple[int, float], Callable[[Array, float], Array]] = {}
 
     @property
@@ -61,19 +62,29 @@ class March:
         if self._inputs is not None:
             self._inputs.show(begin, begin + span if known is None else known)
         if isinstance(self._compiled, CompiledRungeKutta):
-            key = len(states), span
-            if key not in self._leaps:
-                if len(self._leaps) >= KEPT:
-                    del self._leaps[next(iter(self._leaps))]
-                none = torch.zeros((len(states), 0), dtype=torch.float64)
-                self._leaps[key] = self._compiled.leap(none, span)
-            return self._leaps[key](states, begin)
-        # The coefficients of the steps are kept for equal steps, and rounding would change these.
+            return self._leap(self._compiled, len(states), span)(states, begin)
         first = begin if self._depends_on_time else 0.0
+        if isinstance(self._compiled, CompiledETDRK4) and not self._has_jumps:
+            start = self.on_grid(states).numpy()
+            end = self._leap(self._compiled, len(states), span)(start, first)
+            return self.off_grid(torch.from_numpy(end.reshape(start.shape)))
+        # The coefficients of the steps are kept for equal steps, and rounding would change these.
         times = torch.tensor([first, first + span], dtype=torch.float64)
         weights = torch.zeros((len(states), 0), dtype=torch.float64)
         path = self._compiled(self.on_grid(states), times, weights)[:, -1]
         return self.off_grid(path)
+
+    def _leap(
+        self, compiled: CompiledRungeKutta | CompiledETDRK4, count: int, span: float
+    ) -> Callable[[Array, float], Array]:
+        """Return the flow of so many states over a span; it is prepared once."""
+        key = count, span
+        if key not in self._leaps:
+            if len(self._leaps) >= KEPT:
+                del self._leaps[next(iter(self._leaps))]
+            none = torch.zeros((count, 0), dtype=torch.float64)
+            self._leaps[key] = compiled.leap(none, span)
+        return self._leaps[key]
 
     def off_grid(self, states: torch.Tensor) -> Array:
         """Return states ``(state, field, *grid)`` without images, ``(state, field*point)``."""

@@ -12,11 +12,17 @@ import torch
 from numba.core.errors import NumbaExperimentalFeatureWarning
 from torch import Tensor
 
-from dashred.core.threads import in_threads
+from dashred.core.threads import in_threads, thread_count
 from dashred.core.work import count_transforms
+from dashred.physics.backends.numba_backend import Array
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.solvers.compiled.rhs import CompiledTendency
-from dashred.physics.solvers.compiled.step import STAGES, StepArrays, integrate_row
+from dashred.physics.solvers.compiled.step import (
+    STAGES,
+    StepArrays,
+    integrate_row,
+    integrate_rows,
+)
 from dashred.physics.solvers.compiled.tendency import Modes
 from dashred.physics.solvers.etdrk4 import CACHE_SIZE, coefficients
 from dashred.physics.solvers.forcing import Forcing
@@ -108,6 +114,38 @@ class CompiledETDRK4:
                 if progress is not None:
                     progress(done)
         return torch.from_numpy(states.reshape(*states.shape[:3], *shape))
+
+    def leap(self, weights: Tensor, span: float) -> Callable[[Array, float], Array]:
+        """Return the flow over one span without jumps, for many calls with the same weights.
+
+        It maps states ``(row, field*point)`` and the time at which they are to states.
+        """
+        batch = self.tendency.batch(weights.numpy())
+        steps = StepArrays.of(list(schedule([0.0, span], self.system.dt)))
+        factors = self._factors(batch.linear, steps.lengths.tolist())
+        rows, fields, shape = len(weights), batch.linear.shape[1], self.system.grid.shape
+        points, axes = math.prod(shape), tuple(range(1, len(shape) + 1))
+        made = STAGES * len(steps.h) * batch.transforms(ALL) + steps.turns * rows * fields
+        blocks = min(rows, thread_count())
+        ends = [rows * i // blocks for i in range(blocks + 1)]
+
+        def run(start: Array, begin: float) -> Array:
+            states = np.full((rows, 2, fields, points), np.nan)
+            states[:, 0] = start.reshape(rows, fields, points)
+            moved = steps._replace(clock=begin + steps.clock)
+            count_transforms(made, points)
+            rest = batch.arrays, moved, factors, shape, axes, batch.counts, states
+
+            def run_block(block: int) -> None:
+                integrate_rows(self.tendency.kernel, ends[block], ends[block + 1], *rest)
+
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
+                for _ in in_threads(run_block, blocks):
+                    pass
+            return states[:, 1].reshape(rows, -1)
+
+        return run
 
     def _factors(self, linear: Modes, lengths: Sequence[float]) -> Modes:
         """Return :func:`etdrk4_factors`, known for a linear part that all trajectories share."""

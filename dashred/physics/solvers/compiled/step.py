@@ -168,6 +168,27 @@ def integrate_row(
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")
+def integrate_rows(
+    kernel: Kernel,
+    first: int,
+    last: int,
+    tendency: TendencyArrays,
+    steps: StepArrays,
+    factors: Modes,
+    shape: tuple[int, ...],
+    axes: tuple[int, ...],
+    counts: tuple[int, int],
+    states: Array,
+) -> None:
+    """Integrate the rows from ``first`` to before ``last``; see :func:`integrate_row`.
+
+    A call from Python takes as long as some steps of a small system.
+    """
+    for row in range(first, last):
+        integrate_row(kernel, row, tendency, steps, factors, shape, axes, counts, states)
+
+
+@numba.njit(nogil=True, cache=True, error_model="numpy")
 def integrate_stages(
     kernel: Kernel,
     tendency: TendencyArrays,

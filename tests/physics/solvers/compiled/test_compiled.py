@@ -207,6 +207,25 @@ def test_threads_change_no_bit_and_progress_ends_at_one(engine: Case) -> None:
     assert told == sorted(told) and len(told) == len(engine.start) and told[-1] == 1.0
 
 
+@pytest.mark.parametrize("threads", [1, 4])
+@pytest.mark.parametrize("name", ["engine", "ode"])
+def test_a_leap_is_a_run_over_one_span(
+    name: str, threads: int, request: pytest.FixtureRequest
+) -> None:
+    case: Case = request.getfixturevalue(name)
+    assert isinstance(case.run, CompiledRungeKutta | CompiledETDRK4)
+    use_threads(threads)
+    try:
+        leap = case.run.leap(case.weights, 0.37)
+        found = [leap(case.start.flatten(1).numpy(), begin) for begin in (0.5, 1.1)]
+    finally:
+        use_threads(1)
+    for begin, end in zip((0.5, 1.1), found, strict=True):
+        times = torch.tensor([begin, begin + 0.37], dtype=torch.float64)
+        expected = case.run(case.start, times, case.weights)[:, -1].flatten(1)
+        np.testing.assert_allclose(end, expected.numpy(), rtol=1e-11, atol=1e-12)
+
+
 def test_dealiasing_is_the_system_s_own(ks: Case, make) -> None:
     plain = make(KS.replace("DEALIAS", "false"), [*EVEN, *ODD])
     found = plain.run(ks.start, TIMES, ks.weights)
