@@ -84,6 +84,7 @@ def _start(cluster: Cluster, environment: Mapping[str, str]) -> StartedCluster:
             n_workers=cluster.workers or os.cpu_count(),
             threads_per_worker=1,
             dashboard_address=":0",
+            silence_logs=logging.CRITICAL,
             env=dict(environment),
         )
     try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 from dashred.core.cluster import connection, workers
 from dashred.core.cluster.word import Cluster
 from dashred.core.errors import InputError
+from tests.core.cluster.functions import wait
 
 pytest.importorskip("distributed")
 
@@ -68,3 +70,11 @@ def test_without_a_cluster_dask_is_not_imported() -> None:
     code += "print(sorted({'dask', 'distributed'} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.slow
+def test_a_cluster_that_is_closed_in_the_middle_of_a_task_says_nothing(capfd) -> None:
+    with connection.connect(Cluster("local", 1)) as client:
+        client.submit(wait, 30.0)
+        time.sleep(2)
+    assert capfd.readouterr().err == ""
