@@ -26,6 +26,9 @@ from dashred.inference.sensor_faults.faults_in_units import faults_in_units
 STEPS, TOLERANCE = 10, 1e-4
 # A hypothesis whose score exceeds the best by this much is rejected.
 REJECTION_MARGIN = 60.0
+# Part of the score of a law with terms beyond the library: odds of 20 to 1 against one. The best of
+# many functions and waves fits the noise of a recording a little better than none.
+UNLIKELY = 6.0
 # Limits of one round of `refine`, and the smallest gain of F for which another round is run.
 REFINE_STEPS, REFINE_TOLERANCE, MIN_GAIN = 20, 1e-5, 1.0
 # Further starting points of `refine`: fits to these first shares of the record, and fits under this

@@ -28,7 +28,7 @@ from dashred.inference.hypotheses.extended.nonlinear_constants import (
     solve_within_bounds,
 )
 from dashred.inference.hypotheses.free_forcing import FreeForcing
-from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
+from dashred.inference.hypotheses.hypothesis_fit import UNLIKELY, HypothesisFit
 from dashred.inference.hypotheses.windows.screening import profile_out
 from dashred.inference.hypotheses.windows.windowed_hypothesis import Hypothesis
 from dashred.physics.system import System, Term
@@ -96,9 +96,10 @@ class _ExtendedLaw:
 
     def penalty(self, samples: float, candidates: int) -> float:
         """Return the penalty for its degrees of freedom; a constant costs ``ln n``."""
-        if self.tunable_term is None:
-            return Hypothesis(self.members).penalty(samples, candidates, 1)
-        return Hypothesis(self.members[:1]).penalty(samples, candidates, 1) + math.log(samples)
+        constants = 0 if self.tunable_term is None else 1
+        members = self.members[: len(self.members) - constants]
+        of_terms = Hypothesis(members).penalty(samples, candidates, 1)
+        return of_terms + constants * math.log(samples) + UNLIKELY
 
     def screen(self, problem: ProfiledProblem) -> tuple[float, Tensor]:
         """Return the minimum of F on the linearised problem, and its coefficients."""

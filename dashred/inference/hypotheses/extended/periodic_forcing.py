@@ -21,7 +21,7 @@ from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.selection.subset_search import ProfiledProblem
 from dashred.inference.forward.candidates import Candidate
 from dashred.inference.forward.forcing_block import ForcingBlock
-from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
+from dashred.inference.hypotheses.hypothesis_fit import UNLIKELY, HypothesisFit
 from dashred.physics.forcing_basis import ForcingBasis
 from dashred.physics.system import System
 from dashred.physics.terms.library import build_library, equations_with_candidates, resolve
@@ -101,7 +101,7 @@ def fit_periodic_laws(
     grid = _frequency_grid(times)
     # Frequencies that differ by less than one period over the record cannot be distinguished.
     choices = candidate_count + len(system.fields) * len(grid) * FREQUENCY_STEP
-    penalty = 3 * math.log(objective.noise.effective_count) + 2 * math.log(choices)
+    penalty = 3 * math.log(objective.noise.effective_count) + 2 * math.log(choices) + UNLIKELY
     required_change = min(bound - base.law.score, 0.0) - penalty
     excess = float(normal.residuals.square().sum()) - objective.noise.count
     required_change = min(required_change, -MIN_EXPLAINED_SHARE * excess)
