@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from dashred.inference.observer.covariances import Covariances
 from dashred.inference.observer.errors_by_field import SpreadFactor, mean_log_square
+from dashred.inference.observer.estimate import PERTURBATIONS
 from dashred.inference.observer.localisation import used_sensors
 from dashred.inference.observer.observed_path import Analysis
 from dashred.inference.observer.perturbed_errors import PerturbedErrors
@@ -44,7 +45,7 @@ class BothGains:
     ) -> None:
         rng = np.random.default_rng(seed)
         self._parts = [SimulatedErrors(record, model_error, rng) for record in records]
-        own = np.random.default_rng([*seed, 1])
+        own = np.random.default_rng([*seed, PERTURBATIONS])
         trials = max(1, TRIALS // len(records))
         self.perturbed = [PerturbedErrors(part, trials, own) for part in self._parts]
         self._fields, self._tapers = len(records[0].march.system.fields), records[0].tapers
@@ -56,8 +57,7 @@ class BothGains:
     @property
     def perturbations(self) -> int:
         """Number of perturbations beside an estimate; 0 where the mean gain is used."""
-        is_better = self._gain > MARGIN * max(self._samples, LEAST)
-        return self.perturbed[0].perturbations if is_better else 0
+        return PERTURBATIONS if self._gain > MARGIN * max(self._samples, LEAST) else 0
 
     def forecast(self) -> Covariances:
         """Go to the next sample; return the covariances of the errors with the mean gain."""

@@ -19,22 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.inference.observer.covariances import Covariances
-from dashred.physics.system import System
 
 Array = NDArray[np.float64]
 
-# Number of perturbations in a field, and in a system without axes, where they cost little.
-IN_FIELD, IN_ODE = 8, 64
-# Share s∞ of the mean covariance, and the number of samples τ in which the share falls towards it.
-SHARE, TURNING = 0.1, 8.0
-# Part of a difference of two simulations that each perturbation gets in a forecast. Without it, all
-# would turn to the direction in which errors grow fastest.
-RENEWAL = 1e-3
-
-
-def perturbation_count(system: System) -> int:
-    """Return the number of perturbations with which an observer of a system is tried."""
-    return IN_FIELD if system.axes else IN_ODE
+# Number of perturbations. Share s∞ of the mean covariance, and the number of samples τ in which the
+# share falls towards it.
+PERTURBATIONS, SHARE, TURNING = 8, 0.1, 8.0
+# Factor on the perturbations in each forecast, and the part of a difference of two simulations that
+# each of them gets. Without it, all would turn to the direction in which errors grow fastest.
+INFLATION, RENEWAL = 1.02, 1e-3
 
 
 class Estimate:
@@ -70,7 +63,8 @@ class Estimate:
         """
         self._samples += 1
         self.state = states[:1]
-        self.perturbations = states[1:] - self.state + RENEWAL / math.sqrt(2) * differences
+        grown = states[1:] - self.state
+        self.perturbations = INFLATION * grown + RENEWAL / math.sqrt(2) * differences
 
     def covariances(self, mean: Covariances, read: Array, tapers: Array) -> Covariances:
         """Return the blended covariances of the forecast.

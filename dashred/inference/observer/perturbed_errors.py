@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.inference.observer.covariances import Covariances
-from dashred.inference.observer.estimate import Estimate, perturbation_count
+from dashred.inference.observer.estimate import PERTURBATIONS, Estimate
 from dashred.inference.observer.observed_path import Analysis
 from dashred.inference.observer.simulated_errors import SimulatedErrors
 
@@ -21,7 +21,6 @@ class PerturbedErrors:
     """Observers with perturbations of some simulations of one record, and of its recording.
 
     Attributes:
-        perturbations: their number beside each estimate.
         variances: expected of the errors of each trial, ``(trial, field*point)``.
         of_quantities: errors of the last forecasts of sensors and further quantities, and their
             expected variances, ``(trial, quantity)`` each.
@@ -37,7 +36,6 @@ class PerturbedErrors:
         """
         self._mean, self._record, self._rng = mean, mean.record, rng
         self._trials = min(trials, len(mean.simulated))
-        self.perturbations = perturbation_count(mean.record.march.system)
         self._estimates = [self._begun() for _ in range(1 + self._trials)]
         self.variances = np.empty(0)
         self.of_quantities = np.empty(0), np.empty(0)
@@ -61,7 +59,7 @@ class PerturbedErrors:
         states = record.march(states, float(record.times[sample - 1]), record.span(sample))
         parts = np.split(states, 1 + self._trials)
         for index, (each, own) in enumerate(zip(self._estimates, parts, strict=True)):
-            each.arrive(own, self._mean.differences(self.perturbations, self._rng))
+            each.arrive(own, self._mean.differences(PERTURBATIONS, self._rng))
             if not each.is_finite:
                 self._estimates[index] = self._begun()
 
@@ -75,7 +73,7 @@ class PerturbedErrors:
         record, known = self._record, self._record.known(sample)
         sensors, noise = len(record.noise), record.noise
         read = record.readings(np.concatenate([each.states for each in self._estimates]), sample)
-        read = read.reshape(1 + self._trials, 1 + self.perturbations, -1)
+        read = read.reshape(1 + self._trials, 1 + PERTURBATIONS, -1)
         errors = record.readings(self._mean.simulated[: self._trials], sample) - read[1:, 0]
         trial_noise = noise * self._rng.standard_normal((self._trials, sensors))
         has_reading = sample < len(record.values)
@@ -95,4 +93,4 @@ class PerturbedErrors:
     def _begun(self) -> Estimate:
         mean = self._mean
         state = mean.simulated.mean(axis=0, keepdims=True)
-        return Estimate(state, mean.differences(self.perturbations, self._rng) / np.sqrt(2))
+        return Estimate(state, mean.differences(PERTURBATIONS, self._rng) / np.sqrt(2))

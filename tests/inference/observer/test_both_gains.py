@@ -14,7 +14,7 @@ from dashred.config.source_dict import source_from_dict
 from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
 from dashred.inference.observer import both_gains
-from dashred.inference.observer.estimate import IN_ODE
+from dashred.inference.observer.estimate import PERTURBATIONS
 from dashred.inference.observer.march import March
 from dashred.inference.observer.observe import observe
 from dashred.inference.observer.simulated_errors import ObservedRecord
@@ -74,7 +74,7 @@ def error(states: Array, truth: Array) -> float:
 def test_in_a_chaotic_system_the_gain_follows_the_state(monkeypatch: pytest.MonkeyPatch) -> None:
     records = [lorenz_record(seed) for seed in range(4)]
     found = [observe([given], (0,))[0] for given, _ in records]
-    assert {each.perturbations for each in found} == {IN_ODE}
+    assert {each.perturbations for each in found} == {PERTURBATIONS}
     errors = [error(each.states, state) for each, (_, state) in zip(found, records, strict=True)]
     monkeypatch.setattr(both_gains, "MARGIN", np.inf)
     by_mean = [observe([given], (0,))[0] for given, _ in records]

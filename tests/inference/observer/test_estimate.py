@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dashred.inference.observer.covariances import Covariances
-from dashred.inference.observer.estimate import SHARE, TURNING, Estimate
+from dashred.inference.observer.estimate import INFLATION, SHARE, TURNING, Estimate
 
 POINTS, SENSORS = 4, 2
 TAPERS = np.ones((SENSORS, SENSORS + POINTS))
@@ -30,7 +30,7 @@ def test_a_forecast_of_a_linear_simulator_maps_the_perturbations() -> None:
     state, perturbations = estimate.state @ flow, estimate.perturbations @ flow
     estimate.arrive(estimate.states @ flow, NONE)
     np.testing.assert_allclose(estimate.state, state)
-    np.testing.assert_allclose(estimate.perturbations, perturbations)
+    np.testing.assert_allclose(estimate.perturbations, INFLATION * perturbations)
 
 
 def test_the_mean_covariance_gives_way_to_that_of_the_perturbations() -> None:
@@ -39,6 +39,7 @@ def test_the_mean_covariance_gives_way_to_that_of_the_perturbations() -> None:
     np.testing.assert_allclose(first.across, mean.across)
     for _ in range(int(20 * TURNING)):
         estimate.arrive(estimate.states, NONE)
+        estimate.perturbations /= INFLATION
     later = estimate.covariances(mean, estimate.states @ READOUT, TAPERS)
     d = estimate.perturbations
     own = (d @ READOUT).T @ d / len(d)
