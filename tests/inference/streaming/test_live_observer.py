@@ -9,9 +9,12 @@ import pytest
 
 from dashred.data.sensors import Sensor
 from dashred.inference.initial_state.ensemble_filter import FilterLostError
+from dashred.inference.observer import both_gains
+from dashred.inference.observer.estimate import PERTURBATIONS
 from dashred.inference.observer.march import March
 from dashred.inference.streaming.live_estimator import LiveSettings
 from dashred.inference.streaming.live_observer import LiveObserver
+from tests.inference.observer.test_both_gains import EVERY, SIGMA, lorenz, lorenz_record
 from tests.support import streams
 
 NO_LIMITS = np.full(2, np.inf)
@@ -127,3 +130,42 @@ def test_an_estimate_that_blows_up_says_so() -> None:
     live.estimate.state = live.estimate.state * np.inf
     with pytest.raises(FilterLostError, match="blown up"):
         live.step(0.1, streams.EVERY, np.zeros(2), NO_LIMITS)
+
+
+def lorenz_errors() -> tuple[LiveObserver, np.ndarray, np.ndarray]:
+    """Return an observer after a stream of x, and errors and spreads of x and y by sample."""
+    given, truth = lorenz_record(seed=5)
+    climate = np.concatenate([given.states(sample) for sample in (20, 60)])
+    live = LiveObserver(
+        March(lorenz()),
+        (Sensor("x", "x"),),
+        (Sensor("y", "y"),),
+        np.array([SIGMA]),
+        climate,
+        EVERY,
+        LiveSettings(),
+        0,
+    )
+    errors, spreads = [], []
+    for time, sample, exact in zip(given.times, given.values, truth, strict=True):
+        found = live.step(float(time), EVERY, sample, NO_LIMITS[:1])
+        live.ahead(EVERY)
+        errors.append(found.estimate - exact[:2])
+        spreads.append(found.spread)
+    return live, np.array(errors)[20:], np.array(spreads)[20:]
+
+
+def test_in_a_chaotic_system_perturbations_follow_the_state(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    live, errors, spreads = lorenz_errors()
+    assert len(live.estimate.perturbations) == PERTURBATIONS
+    assert f"{PERTURBATIONS} perturbations" in live.description
+    assert 0.4 < (errors / spreads).std() < 1.6
+    other = live.copy()
+    live.step(8.0, EVERY, np.zeros(1), NO_LIMITS[:1])
+    assert not np.array_equal(live.estimate.perturbations, other.estimate.perturbations)
+    monkeypatch.setattr(both_gains, "MARGIN", np.inf)
+    fixed, others, _ = lorenz_errors()
+    assert not len(fixed.estimate.perturbations) and "perturbations" not in fixed.description
+    assert np.square(errors).mean() < np.square(others).mean()
