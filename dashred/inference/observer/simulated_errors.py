@@ -18,6 +18,7 @@ from torch import Tensor
 
 from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.observer.march import March
+from dashred.inference.observer.random_differences import random_differences
 
 Array = NDArray[np.float64]
 
@@ -151,9 +152,7 @@ class SimulatedErrors:
 
     def differences(self, count: int, rng: np.random.Generator) -> Array:
         """Return differences of random pairs of simulations, ``(count, field*point)``."""
-        pairs = rng.integers(len(self.simulated), size=(2, count))
-        found: Array = self.simulated[pairs[0]] - self.simulated[pairs[1]]
-        return found
+        return random_differences(self.simulated, count, rng)
 
     def _replace_lost(self) -> None:
         """Give members that are lost the errors of others: they would dominate the covariances."""

@@ -23,6 +23,7 @@ from dashred.inference.initial_state.ensemble_filter import (
 )
 from dashred.inference.observer.localisation import sensor_tapers
 from dashred.inference.observer.march import March, points_of
+from dashred.inference.observer.random_differences import random_differences
 from dashred.inference.streaming.live_estimator import FAR, MIXING, Analysed, LiveSettings
 from dashred.inference.streaming.readout import Readout
 from dashred.inference.streaming.serial_analysis import analyse, inflate
@@ -161,8 +162,7 @@ class LiveFilter:
 
     def _differences(self) -> Array:
         """Return differences of random states of the climate, ``(member, field*point)``."""
-        pairs = self._rng.integers(len(self._climate), size=(2, self._count))
-        return self._climate[pairs[0]] - self._climate[pairs[1]]
+        return random_differences(self._climate, self._count, self._rng)
 
     def _replace_lost(self, time: float) -> None:
         """Put copies of other members in place of those that blow up."""

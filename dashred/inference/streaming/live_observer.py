@@ -19,6 +19,7 @@ from dashred.inference.initial_state.ensemble_filter import FilterLostError
 from dashred.inference.observer.estimate import Estimate
 from dashred.inference.observer.localisation import radius_for, sensor_tapers
 from dashred.inference.observer.march import March, points_of
+from dashred.inference.observer.random_differences import random_differences
 from dashred.inference.streaming.live_estimator import FAR, Analysed, LiveSettings
 from dashred.inference.streaming.live_gains import SIMULATIONS, LiveGains, learn_gains
 from dashred.inference.streaming.readout import Readout
@@ -179,8 +180,7 @@ class LiveObserver:
 
     def _differences(self) -> Array:
         """Return differences of random states of the climate, ``(perturbation, field*point)``."""
-        pairs = self._rng.integers(len(self._climate), size=(2, self._gains.perturbations))
-        return self._climate[pairs[0]] - self._climate[pairs[1]]
+        return random_differences(self._climate, self._gains.perturbations, self._rng)
 
     def _check(self, time: float) -> None:
         farthest = np.abs(self.estimate.states - self._mean).max()
