@@ -80,6 +80,7 @@ class System(Declaration):
             else open_mesh(config.nodes)
         )
         self._places: dict[torch.device, dict[str, Tensor]] = {}
+        self._evaluated: dict[str, Expr] = {}
         self.dt = _number(_step(config.integrator), where("system.integrator.dt"))
 
     @cached_property
@@ -213,11 +214,12 @@ class System(Declaration):
         """
         batch = state.shape[: state.dim() - len(self.grid.shape) - 1]
         flat = state.reshape(-1, len(self.fields), *self.grid.shape)
-        expr = self.resolve(self.parse(text, text), text)
+        if text not in self._evaluated:
+            self._evaluated[text] = self.resolve(self.parse(text, text), text)
         clock = t
         if not isinstance(t, float):
             clock = np.broadcast_to(t, batch).reshape(-1, *[1] * len(self.grid.shape)).copy()
-        [value] = _compiled(expr)(self.values(flat.double(), clock), self.operators)
+        [value] = _compiled(self._evaluated[text])(self.values(flat.double(), clock), self.operators)
         points = torch.as_tensor(self.operators.on_grid(value), dtype=state.dtype)
         return points.expand(len(flat), *self.grid.shape).reshape(batch + self.grid.shape)
 

@@ -17,7 +17,7 @@ from dashred.inference.forward.candidates import build_forcing
 from dashred.inference.observer.localisation import radius_for, sensor_tapers
 from dashred.inference.observer.march import March
 from dashred.inference.observer.observe import observe
-from dashred.inference.observer.simulated_errors import ObservedRecord
+from dashred.inference.observer.observed_record import ObservedRecord
 from dashred.physics.runs.initial_state_prior import StartPrior
 from dashred.physics.runs.uncertain_terms import UncertainTerms
 from dashred.physics.system import System
@@ -88,8 +88,8 @@ def observe_episodes(
         if not all(np.isfinite(each.states).all() for each in found):
             report(1.0, "the estimates blow up")
             return []
-        run = 1 + found[0].perturbations
-        seconds[STEP] = records[0].seconds_per_step(found[0].states[:1].repeat(run, axis=0))
+        runs = 1 + found[0].perturbations
+        seconds[STEP] = records[0].seconds_per_step(found[0].states[:runs])
         model_error = found[0].model_error
         told = f"{members} simulations"
         if model_error:

@@ -17,8 +17,9 @@ from dashred.inference.observer.errors_by_field import SpreadFactor, mean_log_sq
 from dashred.inference.observer.estimate import PERTURBATIONS
 from dashred.inference.observer.localisation import used_sensors
 from dashred.inference.observer.observed_path import Analysis
+from dashred.inference.observer.observed_record import ObservedRecord
 from dashred.inference.observer.perturbed_errors import PerturbedErrors
-from dashred.inference.observer.simulated_errors import ObservedRecord, SimulatedErrors
+from dashred.inference.observer.simulated_errors import SimulatedErrors
 
 Array = NDArray[np.float64]
 
@@ -91,8 +92,9 @@ class BothGains:
     def _analyse(self, part: SimulatedErrors, mean: Covariances) -> Analysis:
         sample, optimism = self._samples - 1, self._optimism
         noise, known = part.record.noise, part.record.known(sample)
-        innovations = part.analyse(mean.gain(noise, known), sample)
-        expected = optimism**2 * np.diag(mean.of_readings(noise, known))
+        update = mean.update(noise, known)
+        innovations = part.analyse(update, sample)
+        expected = optimism**2 * np.diag(update.of_innovations)
         variances = optimism**2 * np.square(part.errors).mean(axis=0)
         return Analysis(part.estimate, variances, innovations, expected)
 

@@ -1,4 +1,4 @@
-"""Covariances of the errors of a forecast, and the gain that they give."""
+"""Covariances of the errors of a forecast, and the corrections by readings that they give."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Known = NDArray[np.intp] | NDArray[np.bool_]
 
 
 class Covariances(NamedTuple):
@@ -50,7 +51,7 @@ class Covariances(NamedTuple):
         pairs = zip(self, other, strict=True)
         return type(self)(*((1 - share) * own + share * others for own, others in pairs))
 
-    def of_readings(self, noise: Array, known: NDArray[np.intp] | NDArray[np.bool_]) -> Array:
+    def of_innovations(self, noise: Array, known: Known) -> Array:
         """Return the covariance of the innovations of the known sensors.
 
         Args:
@@ -60,16 +61,49 @@ class Covariances(NamedTuple):
         between = self.between[:, : len(noise)][known][:, known]
         return np.asarray(between + np.diag(np.square(noise[known])), dtype=np.float64)
 
-    def gain(self, noise: Array, known: NDArray[np.intp] | NDArray[np.bool_]) -> Array:
-        """Return the gain K of the known sensors, ``(known sensor, field*point)``."""
-        expected = self.of_readings(noise, known)
-        return np.asarray(np.linalg.solve(expected, self.across[known]), dtype=np.float64)
+    def update(self, noise: Array, known: Known) -> Update:
+        """Return the update by the known sensors.
 
-    def analysed_variances(
-        self, noise: Array, known: NDArray[np.intp] | NDArray[np.bool_]
-    ) -> Array:
-        """Return the variances of the state after the analysis, ``(field*point,)``."""
-        factor = np.linalg.cholesky(self.of_readings(noise, known))
-        explained = np.square(np.linalg.solve(factor, self.across[known])).sum(axis=0)
-        found: Array = (self.of_state - explained).clip(min=0)
+        Args:
+            noise: σ of each sensor, ``(sensor,)``.
+            known: sensors with a reading, as indices or as a mask.
+        """
+        return Update(self.of_innovations(noise, known), self.across, known)
+
+
+class Update(NamedTuple):
+    """The update of states by the readings of some sensors.
+
+    With n sensors, the gain K has n rows as long as a state. It is never formed: a correction is a
+    weighted sum of the rows of ``across``.
+
+    Attributes:
+        of_innovations: covariance of their innovations, ``(known sensor, known sensor)``.
+        across: covariance of what all sensors read and the state, ``(sensor, field*point)``.
+        known: sensors with a reading, as indices or as a mask.
+    """
+
+    of_innovations: Array
+    across: Array
+    known: Known
+
+    def corrections(self, innovations: Array) -> Array:
+        """Return the correction by each set of innovations, ``(set, field*point)``.
+
+        Args:
+            innovations: of the known sensors, ``(set, known sensor)``.
+        """
+        weights = np.zeros((len(self.across), len(innovations)))
+        weights[self.known] = np.linalg.solve(self.of_innovations, innovations.T)
+        return np.asarray(weights.T @ self.across, dtype=np.float64)
+
+    def variances(self, of_state: Array) -> Array:
+        """Return the variances of the state after the update, ``(field*point,)``.
+
+        Args:
+            of_state: those before it.
+        """
+        factor = np.linalg.cholesky(self.of_innovations)
+        explained = np.square(np.linalg.solve(factor, self.across[self.known])).sum(axis=0)
+        found: Array = (of_state - explained).clip(min=0)
         return found

@@ -18,7 +18,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.inference.observer.covariances import Covariances
+from dashred.inference.observer.covariances import Covariances, Update
 
 Array = NDArray[np.float64]
 
@@ -80,13 +80,14 @@ class Estimate:
         share = SHARE + (1 - SHARE) * math.exp(-self._samples / TURNING)
         return own.blended(mean, share)
 
-    def correct(self, innovation: Array, read: Array, gain: Array) -> None:
+    def correct(self, innovation: Array, read: Array, update: Update) -> None:
         """Correct the state and the perturbations.
 
         Args:
             innovation: of the known sensors, ``(known sensor,)``.
             read: what they read of :attr:`states`, ``(1 + perturbation, known sensor)``.
-            gain: K, ``(known sensor, field*point)``.
+            update: by the known sensors.
         """
-        self.state = self.state + innovation @ gain
-        self.perturbations = self.perturbations - (read[1:] - read[:1]) @ gain / 2
+        found = update.corrections(np.concatenate([innovation[None], read[1:] - read[:1]]))
+        self.state = self.state + found[:1]
+        self.perturbations = self.perturbations - found[1:] / 2

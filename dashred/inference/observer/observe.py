@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from dashred.core.budget import NEVER, Deadline
 from dashred.inference.observer.both_gains import BothGains
 from dashred.inference.observer.observed_path import ObservedPath
-from dashred.inference.observer.simulated_errors import ObservedRecord
+from dashred.inference.observer.observed_record import ObservedRecord
 
 Array = NDArray[np.float64]
 

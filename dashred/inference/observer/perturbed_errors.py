@@ -82,9 +82,10 @@ class PerturbedErrors:
         variances, expected, of_quantities = [], [], []
         for each, own, innovation in zip(self._estimates, read, innovations, strict=True):
             found = each.covariances(mean, own, record.tapers)
-            each.correct(innovation, own[:, :sensors][:, known], found.gain(noise, known))
-            variances.append(found.analysed_variances(noise, known))
-            expected.append(np.diag(found.of_readings(noise, known)))
+            update = found.update(noise, known)
+            each.correct(innovation, own[:, :sensors][:, known], update)
+            variances.append(update.variances(found.of_state))
+            expected.append(np.diag(update.of_innovations))
             of_quantities.append(found.of_quantities)
         self.variances = np.stack(variances[1:])
         self.of_quantities = errors, np.stack(of_quantities[1:])

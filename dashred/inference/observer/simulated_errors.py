@@ -7,80 +7,17 @@ a large population this is the Kalman filter.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from statistics import median
-
 import numpy as np
 from numpy.typing import NDArray
-from torch import Tensor
 
-from dashred.data.observation_operator import ObservationOperator
-from dashred.inference.observer.march import March
+from dashred.inference.observer.covariances import Update
+from dashred.inference.observer.observed_record import ObservedRecord
 from dashred.inference.observer.random_differences import random_differences
 
 Array = NDArray[np.float64]
 
 # An error this many times as large as the median of all is that of an observer that is lost.
 LOST = 10.0
-# Number of timed steps.
-TIMED_STEPS = 20
-
-
-@dataclass(frozen=True)
-class ObservedRecord:
-    """A recording that is observed, and simulations of the system that it comes from.
-
-    Attributes:
-        march: the simulator from sample to sample.
-        states: returns the states of the simulations at a sample, ``(member, field*point)``; the
-            samples are asked for in order.
-        times: ``(time,)``, of the simulations; the recording may end earlier.
-        values: readings, ``(sample, sensor)``; NaN where missing.
-        noise: σ of each sensor, ``(sensor,)``.
-        operator: observation operator of the sensors, and of further quantities after them.
-        tapers: localisation, ``(sensor, quantity and field*point)``.
-    """
-
-    march: March
-    states: Callable[[int], Array]
-    times: Array
-    values: Array
-    noise: Array
-    operator: ObservationOperator
-    tapers: Array
-
-    def span(self, sample: int) -> float:
-        """Return the time from the sample before, equal for all samples of a clock."""
-        return float(f"{self.times[sample] - self.times[sample - 1]:.12g}")
-
-    def readings(self, states: Array, sample: int) -> Array:
-        """Return what the sensors read of states, ``(state, quantity)``, without noise."""
-        on_grid: Tensor = self.march.on_grid(states)
-        return self.operator(on_grid, float(self.times[sample])).numpy()
-
-    def seconds_per_step(self, states: Array) -> float:
-        """Return the median time of a step: the simulator, the readings and the gain.
-
-        Args:
-            states: of the first sample, and with each perturbation,
-                ``(1 + perturbation, field*point)``.
-        """
-        gain = np.zeros((len(self.noise), states.shape[1]))
-        taken = []
-        for _ in range(TIMED_STEPS):
-            began = time.perf_counter()
-            later = self.march(states, float(self.times[0]), self.span(1))
-            later + (self.values[0] - self.readings(later, 1)) @ gain
-            taken.append(time.perf_counter() - began)
-        return median(taken)
-
-    def known(self, sample: int) -> NDArray[np.bool_]:
-        """Return which sensors have a reading at a sample, ``(sensor,)``."""
-        if sample >= len(self.values):
-            return np.ones(len(self.noise), dtype=np.bool_)
-        return ~np.isnan(self.values[sample])
 
 
 class SimulatedErrors:
@@ -128,8 +65,12 @@ class SimulatedErrors:
         self.estimate = own if np.isfinite(own).all() else self.simulated.mean(axis=0)
         self._read(sample)
 
-    def analyse(self, gain: Array, sample: int) -> Array:
-        """Read the sensors with a gain, ``(known sensor, field*point)``.
+    def analyse(self, update: Update, sample: int) -> Array:
+        """Read the sensors.
+
+        Args:
+            update: by the known sensors.
+            sample: index of the sample.
 
         Returns:
             the innovations of the recording, ``(known sensor,)``.
@@ -137,12 +78,12 @@ class SimulatedErrors:
         record, known = self.record, self.record.known(sample)
         count = len(record.noise)
         noise = record.noise * self._rng.standard_normal((len(self.errors), count))
-        self.errors -= (self.of_sensors[:, :count] + noise)[:, known] @ gain
+        self.errors -= update.corrections((self.of_sensors[:, :count] + noise)[:, known])
         expected = record.readings(self.estimate[None], sample)[0]
         if sample >= len(record.values):
             return np.empty(0)
         innovations: Array = (record.values[sample] - expected)[known]
-        self.estimate = self.estimate + innovations @ gain
+        self.estimate = self.estimate + update.corrections(innovations[None])[0]
         return innovations
 
     def _read(self, sample: int) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dashred.inference.observer.both_gains import BothGains
 from dashred.inference.observer.covariances import Covariances
 from dashred.inference.observer.march import March
-from dashred.inference.observer.simulated_errors import ObservedRecord
+from dashred.inference.observer.observed_record import ObservedRecord
 from dashred.inference.streaming.live_estimator import MIXING
 from dashred.inference.streaming.readout import Readout
 

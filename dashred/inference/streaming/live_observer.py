@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from dashred.data.sensors import Sensor
 from dashred.inference.initial_state.ensemble_filter import FilterLostError
+from dashred.inference.observer.covariances import Update
 from dashred.inference.observer.estimate import Estimate
 from dashred.inference.observer.localisation import radius_for, sensor_tapers
 from dashred.inference.observer.march import March, points_of
@@ -129,7 +130,7 @@ class LiveObserver:
         read = self.quantities(estimate.states, time)
         known = estimate.covariances(self._gains.at(self._samples), read, self._tapers)
         self._samples += 1
-        expected = known.of_readings(self._noise, np.arange(count))
+        expected = known.of_innovations(self._noise, np.arange(count))
         std = np.sqrt(np.diag(expected))
         innovation = values - read[0, :count]
         # This is also false for a missing reading.
@@ -137,9 +138,10 @@ class LiveObserver:
         serial, variance, density = np.full(count, np.nan), known.of_quantities.copy(), 0.0
         if len(used):
             # The factor of the readings that are used: innovations given the earlier ones.
-            factor = np.linalg.cholesky(expected[np.ix_(used, used)])
+            update = Update(expected[np.ix_(used, used)], known.across, used)
+            factor = np.linalg.cholesky(update.of_innovations)
             serial[used] = np.linalg.solve(factor, innovation[used])
-            estimate.correct(innovation[used], read[:, used], known.gain(self._noise, used))
+            estimate.correct(innovation[used], read[:, used], update)
             explained = np.linalg.solve(factor, known.between[used])
             variance -= np.square(explained).sum(axis=0)
             density = -float(np.square(serial[used]).sum() / 2 + np.log(np.diag(factor)).sum())

@@ -17,7 +17,7 @@ from dashred.inference.observer import both_gains
 from dashred.inference.observer.estimate import PERTURBATIONS
 from dashred.inference.observer.march import March
 from dashred.inference.observer.observe import observe
-from dashred.inference.observer.simulated_errors import ObservedRecord
+from dashred.inference.observer.observed_record import ObservedRecord
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 from tests.inference.observer.test_observe import LINEAR

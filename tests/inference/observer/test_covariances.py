@@ -24,18 +24,19 @@ def test_gain_and_variances_are_those_of_the_kalman_filter() -> None:
     known = np.array([True, False, True])
     p, h = errors.T @ errors / len(errors), readout[:, :SENSORS][:, known].T
     gain = p @ h.T @ np.linalg.inv(h @ p @ h.T + np.diag(NOISE[known] ** 2))
-    np.testing.assert_allclose(found.gain(NOISE, known), gain.T, rtol=1e-9)
-    np.testing.assert_allclose(found.gain(NOISE, np.flatnonzero(known)), gain.T, rtol=1e-9)
-    analysed = np.diag(p - gain @ h @ p)
-    np.testing.assert_allclose(found.analysed_variances(NOISE, known), analysed, rtol=1e-6)
+    innovations, analysed = np.eye(known.sum()), np.diag(p - gain @ h @ p)
+    for each in (known, np.flatnonzero(known)):
+        update = found.update(NOISE, each)
+        np.testing.assert_allclose(update.corrections(innovations), gain.T, rtol=1e-9)
+        np.testing.assert_allclose(update.variances(found.of_state), analysed, rtol=1e-6)
     np.testing.assert_allclose(found.of_quantities, np.square(read).mean(axis=0))
 
 
 def test_without_a_reading_nothing_changes() -> None:
     found = Covariances.of_errors(*drawn(1)[::2], EVERYWHERE)
-    nothing = np.zeros(SENSORS, dtype=np.bool_)
-    assert found.gain(NOISE, nothing).shape == (0, POINTS)
-    np.testing.assert_array_equal(found.analysed_variances(NOISE, nothing), found.of_state)
+    update = found.update(NOISE, np.zeros(SENSORS, dtype=np.bool_))
+    np.testing.assert_array_equal(update.corrections(np.empty((2, 0))), np.zeros((2, POINTS)))
+    np.testing.assert_array_equal(update.variances(found.of_state), found.of_state)
 
 
 def test_a_taper_of_zero_removes_a_covariance() -> None:

@@ -48,9 +48,10 @@ def test_the_mean_covariance_gives_way_to_that_of_the_perturbations() -> None:
 
 def test_readings_correct_the_state_and_half_of_the_perturbations() -> None:
     estimate = begun()
-    gain, innovation = np.random.default_rng(4).standard_normal((SENSORS, POINTS)), np.ones(SENSORS)
+    update, innovation = of_simulations().update(np.ones(2), np.arange(2)), np.ones(SENSORS)
+    gain = update.corrections(np.eye(SENSORS))
     state, d = estimate.state, estimate.perturbations
-    estimate.correct(innovation, estimate.states @ READOUT, gain)
+    estimate.correct(innovation, estimate.states @ READOUT, update)
     np.testing.assert_allclose(estimate.state, state + gain.sum(axis=0))
     np.testing.assert_allclose(estimate.perturbations, d - d @ READOUT @ gain / 2)
 
@@ -61,9 +62,8 @@ def test_without_perturbations_the_covariances_are_the_mean_ones(steps: int) -> 
     for _ in range(steps):
         estimate.arrive(estimate.states, NONE[:0])
     assert estimate.covariances(mean, estimate.states @ READOUT, TAPERS) is mean
-    estimate.correct(
-        np.ones(SENSORS), estimate.states @ READOUT, mean.gain(np.ones(2), np.arange(2))
-    )
+    update = mean.update(np.ones(2), np.arange(2))
+    estimate.correct(np.ones(SENSORS), estimate.states @ READOUT, update)
     assert estimate.states.shape == (1, POINTS)
 
 

@@ -17,7 +17,7 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.data.sensors import Sensor
 from dashred.inference.observer.march import March
 from dashred.inference.observer.observe import MODEL_ERRORS, observe
-from dashred.inference.observer.simulated_errors import ObservedRecord
+from dashred.inference.observer.observed_record import ObservedRecord
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System
 
