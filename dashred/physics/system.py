@@ -219,7 +219,9 @@ class System(Declaration):
         clock = t
         if not isinstance(t, float):
             clock = np.broadcast_to(t, batch).reshape(-1, *[1] * len(self.grid.shape)).copy()
-        [value] = _compiled(self._evaluated[text])(self.values(flat.double(), clock), self.operators)
+        [value] = _compiled(self._evaluated[text])(
+            self.values(flat.double(), clock), self.operators
+        )
         points = torch.as_tensor(self.operators.on_grid(value), dtype=state.dtype)
         return points.expand(len(flat), *self.grid.shape).reshape(batch + self.grid.shape)
 

@@ -88,8 +88,8 @@ def observe_episodes(
         if not all(np.isfinite(each.states).all() for each in found):
             report(1.0, "the estimates blow up")
             return []
-        runs = 1 + found[0].perturbations
-        seconds[STEP] = records[0].seconds_per_step(found[0].states[:runs])
+        states = found[0].states[: 1 + found[0].perturbations]
+        seconds[STEP] = records[0].seconds_per_step(states, found[0].march)
         model_error = found[0].model_error
         told = f"{members} simulations"
         if model_error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 
 import numpy as np
@@ -48,6 +49,19 @@ class March:
         """A time from which simulations may run; with inputs, that of the first sample."""
         return 0.0 if self._inputs is None else self._inputs.first
 
+    @property
+    def takes_other_steps(self) -> bool:
+        """Whether :meth:`with_step` is possible: for spectral flows without jumps."""
+        return isinstance(self._compiled, CompiledETDRK4) and not self._has_jumps
+
+    def with_step(self, step: float) -> March:
+        """Return the same flow with another time step, without recompilation."""
+        assert isinstance(self._compiled, CompiledETDRK4)
+        other = copy.copy(self)
+        other._compiled, other._leaps = self._compiled.with_step(step), {}
+        other.system = other._compiled.system
+        return other
+
     def __call__(
         self, states: Array, begin: float, span: float, known: float | None = None
     ) -> Array:
@@ -64,7 +78,7 @@ class March:
         if isinstance(self._compiled, CompiledRungeKutta):
             return self._leap(self._compiled, len(states), span)(states, begin)
         first = begin if self._depends_on_time else 0.0
-        if isinstance(self._compiled, CompiledETDRK4) and not self._has_jumps:
+        if isinstance(self._compiled, CompiledETDRK4) and self.takes_other_steps:
             start = self.on_grid(states).numpy()
             end = self._leap(self._compiled, len(states), span)(start, first)
             return self.off_grid(torch.from_numpy(end.reshape(start.shape)))

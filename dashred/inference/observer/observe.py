@@ -23,6 +23,7 @@ from dashred.core.budget import NEVER, Deadline
 from dashred.inference.observer.both_gains import BothGains
 from dashred.inference.observer.observed_path import ObservedPath
 from dashred.inference.observer.observed_record import ObservedRecord
+from dashred.inference.observer.perturbation_march import PerturbationMarch
 
 Array = NDArray[np.float64]
 
@@ -44,12 +45,14 @@ class Observation:
         spread: its standard deviation, ``(time, field*point)``.
         model_error: as in :class:`.SimulatedErrors`.
         perturbations: number beside the estimate at the end; 0 with the mean gain.
+        march: the flow of the estimate with them.
     """
 
     states: Array
     spread: Array
     model_error: float
     perturbations: int
+    march: PerturbationMarch
 
 
 def observe(
@@ -68,31 +71,28 @@ def observe(
     Raises:
         OutOfTimeError: the deadline is over before the first run has ended.
     """
-    best: tuple[ObservedPath, float] | None = None
+    best: tuple[ObservedPath, BothGains, float] | None = None
     for model_error in MODEL_ERRORS:
         if best is not None and deadline.is_over:
             break
-        path = _run(records, model_error, seed, deadline)
-        if best is None or path.cost < best[0].cost:
-            best = path, model_error
+        observers = BothGains(records, model_error, seed)
+        path = _run(observers, records, deadline)
+        if best is None or path.cost < best[0].cost or path.mean_square <= EXPECTED:
+            best = path, observers, model_error
         if path.mean_square <= EXPECTED:
-            best = path, model_error
             break
     assert best is not None
-    path, model_error = best
+    path, observers, model_error = best
+    count = observers.perturbations
     return [
-        Observation(np.stack(states), np.stack(spread), model_error, path.perturbations)
-        for states, spread in zip(path.states, path.spreads, strict=True)
+        Observation(np.stack(states), np.stack(spread), model_error, count, each.march)
+        for states, spread, each in zip(path.states, path.spreads, observers.perturbed, strict=True)
     ]
 
 
 def _run(
-    records: Sequence[ObservedRecord],
-    model_error: float,
-    seed: Sequence[int],
-    deadline: Deadline,
+    observers: BothGains, records: Sequence[ObservedRecord], deadline: Deadline
 ) -> ObservedPath:
-    observers = BothGains(records, model_error, seed)
     count = max(len(record.values) for record in records)
     path = ObservedPath(len(records), int(BEGINNING * count))
     for sample in range(count):
@@ -101,5 +101,4 @@ def _run(
         for index, (record, found) in enumerate(zip(records, analyses, strict=True)):
             if sample < len(record.values):
                 path.add(index, found)
-    path.perturbations = observers.perturbations
     return path

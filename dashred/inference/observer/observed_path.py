@@ -33,7 +33,6 @@ class ObservedPath:
     Attributes:
         states: estimates by recording and sample, ``(field*point,)`` each.
         spreads: their standard deviations.
-        perturbations: number beside an estimate at the last sample.
 
     Args:
         recordings: their number.
@@ -44,7 +43,6 @@ class ObservedPath:
     def __init__(self, recordings: int, beginning: int) -> None:
         self.states: list[list[Array]] = [[] for _ in range(recordings)]
         self.spreads: list[list[Array]] = [[] for _ in range(recordings)]
-        self.perturbations = 0
         self._beginning = beginning
         self._squares: list[Array] = []
         self._cost = 0.0

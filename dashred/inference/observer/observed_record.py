@@ -15,6 +15,7 @@ from dashred.data.observation_operator import ObservationOperator
 from dashred.inference.observer.covariances import Covariances
 from dashred.inference.observer.estimate import Estimate
 from dashred.inference.observer.march import March
+from dashred.inference.observer.perturbation_march import PerturbationMarch
 
 Array = NDArray[np.float64]
 
@@ -60,12 +61,13 @@ class ObservedRecord:
             return np.ones(len(self.noise), dtype=np.bool_)
         return ~np.isnan(self.values[sample])
 
-    def seconds_per_step(self, states: Array) -> float:
+    def seconds_per_step(self, states: Array, march: PerturbationMarch) -> float:
         """Return the median time of a step: the simulator, the readings and their update.
 
         Args:
             states: of the samples, ``(time, field*point)``. The first one is the estimate, and the
                 others are taken for its perturbations.
+            march: the flow of an estimate with its perturbations.
         """
         read = self.readings(states, 0)
         mean = Covariances.of_errors(
@@ -75,7 +77,7 @@ class ObservedRecord:
         for _ in range(TIMED_STEPS):
             estimate = Estimate(states[:1], states[1:] - states[:1])
             began = time.perf_counter()
-            later = self.march(estimate.states, float(self.times[0]), self.span(1))
+            [later] = march([estimate], float(self.times[0]), self.span(1))
             estimate.arrive(later, np.zeros(1))
             read = self.readings(estimate.states, 1)
             update = estimate.covariances(mean, read, self.tapers).update(self.noise, every)

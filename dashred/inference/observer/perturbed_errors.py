@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from dashred.inference.observer.covariances import Covariances
 from dashred.inference.observer.estimate import PERTURBATIONS, Estimate
 from dashred.inference.observer.observed_path import Analysis
+from dashred.inference.observer.perturbation_march import PerturbationMarch
 from dashred.inference.observer.simulated_errors import SimulatedErrors
 
 Array = NDArray[np.float64]
@@ -21,6 +22,7 @@ class PerturbedErrors:
     """Observers with perturbations of some simulations of one record, and of its recording.
 
     Attributes:
+        march: the flow of estimates with their perturbations.
         variances: expected of the errors of each trial, ``(trial, field*point)``.
         of_quantities: errors of the last forecasts of sensors and further quantities, and their
             expected variances, ``(trial, quantity)`` each.
@@ -36,6 +38,8 @@ class PerturbedErrors:
         """
         self._mean, self._record, self._rng = mean, mean.record, rng
         self._trials = min(trials, len(mean.simulated))
+        record, first = self._record, float(self._record.times[0])
+        self.march = PerturbationMarch(record.march, mean.simulated, first, record.span(1))
         self._estimates = [self._begun() for _ in range(1 + self._trials)]
         self.variances = np.empty(0)
         self.of_quantities = np.empty(0), np.empty(0)
@@ -55,9 +59,8 @@ class PerturbedErrors:
     def forecast(self, sample: int) -> None:
         """Run all estimates to a sample from the one before."""
         record = self._record
-        states = np.concatenate([each.states for each in self._estimates])
-        states = record.march(states, float(record.times[sample - 1]), record.span(sample))
-        parts = np.split(states, 1 + self._trials)
+        begin, span = float(record.times[sample - 1]), record.span(sample)
+        parts = self.march(self._estimates, begin, span)
         for index, (each, own) in enumerate(zip(self._estimates, parts, strict=True)):
             each.arrive(own, self._mean.differences(PERTURBATIONS, self._rng))
             if not each.is_finite:

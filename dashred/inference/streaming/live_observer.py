@@ -156,17 +156,18 @@ class LiveObserver:
         """
         # The next sample needs the same forecast, with its perturbations.
         is_next = span == self._span and not self.march.has_inputs
-        states = self.estimate.states if is_next else self.estimate.state
-        later = self.march(states, self.time, span, known=self.time)
         if is_next:
-            self._later = span, later
+            self._later = span, self._gains.march([self.estimate], self.time, span)[0]
+            later = self._later[1]
+        else:
+            later = self.march(self.estimate.state, self.time, span, known=self.time)
         return self.quantities(later[:1], self.time + span)[0]
 
     def _arrived(self, time: float, span: float) -> Array:
         """Return all states at a sample; a forecast of that length was computed already."""
         if self._later is not None and self._later[0] == span:
             return self._later[1]
-        return self.march(self.estimate.states, self.time, span, known=time)
+        return self._gains.march([self.estimate], self.time, span, known=time)[0]
 
     def _learnt(self) -> LiveGains:
         return learn_gains(

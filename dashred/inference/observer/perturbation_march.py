@@ -1,0 +1,96 @@
+"""Run an estimate with the steps of the simulator, and its perturbations with longer ones.
+
+A perturbation is the difference of two runs. With equal steps, the errors of these largely cancel.
+It need not be exact either, because it gives covariances alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashred.inference.observer.estimate import Estimate
+from dashred.inference.observer.march import March
+
+Array = NDArray[np.float64]
+
+# Numbers of steps between two samples that are tried, in turn.
+STEPS = (1, 2, 3, 4, 6, 8)
+# Steps are not too long if, after so many samples, the differences of so many pairs of simulations
+# have at most this error in each field.
+PAIRS, SAMPLES, TOLERANCE = 8, 8, 0.05
+
+
+class PerturbationMarch:
+    """The flow of estimates with their perturbations.
+
+    Args:
+        march: the simulator from sample to sample.
+        states: that the system may be in, ``(state, field*point)``.
+        begin: time at which they are.
+        span: time between two samples.
+    """
+
+    def __init__(self, march: March, states: Array, begin: float, span: float) -> None:
+        self._march = march
+        self._coarse = _with_longest_steps(march, states, begin, span)
+
+    def __call__(
+        self,
+        estimates: Sequence[Estimate],
+        begin: float,
+        span: float,
+        known: float | None = None,
+    ) -> list[Array]:
+        """Return the forecast of :attr:`.Estimate.states` of each estimate.
+
+        Args:
+            estimates: at a time.
+            begin: the time.
+            span: length of the forecast.
+            known: see :meth:`.march.March.__call__`.
+        """
+        states = np.concatenate([each.states for each in estimates])
+        ends = np.cumsum([len(each.states) for each in estimates])
+        if self._coarse is None or len(states) == len(estimates):
+            return np.split(self._march(states, begin, span, known), ends[:-1])
+        rough = self._coarse(states, begin, span, known)
+        if not np.isfinite(rough).all():
+            return np.split(self._march(states, begin, span, known), ends[:-1])
+        exact = self._march(np.concatenate([e.state for e in estimates]), begin, span, known)
+        parts = np.split(rough, ends[:-1])
+        return [state + (own - own[:1]) for state, own in zip(exact, parts, strict=True)]
+
+
+def _with_longest_steps(march: March, states: Array, begin: float, span: float) -> March | None:
+    """Return the flow with the longest steps that are not too long; None if no longer ones are."""
+    if not march.takes_other_steps:
+        return None
+    pairs = states[: 2 * min(PAIRS, len(states) // 2)]
+    fields, exact = len(march.system.fields), _differences(march, pairs, begin, span)
+    size = _squares(exact, fields)
+    for count in STEPS:
+        if span / count <= 1.5 * march.system.dt:
+            break
+        coarse = march.with_step(span / count)
+        errors = _squares(_differences(coarse, pairs, begin, span) - exact, fields)
+        # This is also false for runs that have blown up.
+        if (errors <= TOLERANCE**2 * size).all():
+            return coarse
+    return None
+
+
+def _differences(march: March, pairs: Array, begin: float, span: float) -> Array:
+    """Return the differences of pairs of runs after some samples, ``(pair, field*point)``."""
+    for sample in range(SAMPLES):
+        pairs = march(pairs, begin + sample * span, span)
+    found: Array = pairs[::2] - pairs[1::2]
+    return found
+
+
+def _squares(values: Array, fields: int) -> Array:
+    """Return the mean square of each field, ``(field,)``."""
+    found: Array = np.square(values).reshape(len(values), fields, -1).mean(axis=(0, 2))
+    return found
