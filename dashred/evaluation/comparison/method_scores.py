@@ -181,12 +181,25 @@ def _analysis_results(
     laws: dict[str, Any] = {"corrected": findings["terms"]}
     for name, latent in findings["latent"].items():
         if latent is not None:
-            laws[f"latent_{name}"] = [p for p in latent["proposals"] if p["coefficient"]]
+            laws[f"latent_{name}"] = _proposed_law(latent, findings["input"])
     seconds = _seconds(folder)
     return {
         name: _failed("") | {"failed": None, "terms": laws.get(name), "seconds": seconds.get(name)}
         for name in dict.fromkeys([*(n for n in errors if n not in METHODS), *laws])
     }
+
+
+def _proposed_law(latent: Mapping[str, Any], given: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the terms and the changes of parameters that the latent space proposes."""
+    values = given["config"]["system"]["parameters"]
+    changes = latent.get("parameters", {})
+    return [
+        *(each for each in latent["proposals"] if each["coefficient"]),
+        *(
+            {"equation": None, "parameter": name, "to": values[name] + change}
+            for name, change in changes.items()
+        ),
+    ]
 
 
 def _score(

@@ -110,8 +110,10 @@ def assimilate(
         seconds: run time by stage, updated.
     """
     latent, simulated = _latent_problem(problem, nominal), nominal.references[0]
-    dynamics = problem.config.assimilation.dynamics
-    parameters = free_parameters(problem, nominal) if dynamics else []
+    # The law of a latent residual has no changes of parameters.
+    settings = problem.config.assimilation
+    by_fields = settings.dynamics and settings.residual == FIELDS
+    parameters = free_parameters(problem, nominal) if by_fields else []
     return fit_transform(problem, latent, network, run, seconds, simulated, parameters)[0]
 
 
