@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Callable
-from dataclasses import is_dataclass
 from functools import partial
 from os.path import abspath
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Any
 
 from omegaconf import DictConfig, ListConfig, OmegaConf, ValidationError
 
+from dashred.config.coercion import coerce, evaluate, type_error
 from dashred.config.nodes import coordinates_of_nodes
 from dashred.config.schema.settings import Settings
-from dashred.config.schema.types import Where, child, describe_kind, kind_at, optional, required
+from dashred.config.schema.types import Where, kind_at
 from dashred.config.source import Source
 from dashred.core.errors import InputError
 from dashred.core.files.user_path import user_path
@@ -59,7 +58,7 @@ def prepare(source: Source, *, folder: Path) -> Source:
         InputError: an unknown key, a value of the wrong shape, or an invalid number.
     """
     where = where_in(source.lines)
-    values = _coerce(written_out(source.values), Settings, "", where)
+    values = coerce(written_out(source.values), Settings, "", where)
     for key in PATHS:
         settled = store_root if key == "tracking.root" else absolute_path
         _edit(values, key, str, partial(settled, folder=folder, where=where(key)))
@@ -200,53 +199,6 @@ def _fill_lengths(system: System) -> None:
                 system.start[field] = re.sub(rf"\b{name}\b", f"{declared.length!r}", start)
 
 
-def _coerce(value: Any, kind: Any, key: str, where: Where) -> Any:
-    """Check the shape of a value against its type, and evaluate texts where a number is needed."""
-    bare = required(kind)
-    if value is None and optional(kind):
-        return None
-    if is_dataclass(bare) or get_origin(bare) is dict:
-        if not isinstance(value, dict):
-            raise _type_error(value, kind, key, where)
-        return {name: _coerce_member(x, kind, name, key, where) for name, x in value.items()}
-    if get_origin(bare) is list:
-        if not isinstance(value, list):
-            raise _type_error(value, kind, key, where)
-        (item,) = get_args(bare)
-        return [_coerce(x, item, f"{key}[{i}]", where) for i, x in enumerate(value)]
-    if bare is not Any and (value is None or isinstance(value, dict | list)):
-        raise _type_error(value, kind, key, where)
-    if bare is float and isinstance(value, str):
-        return evaluate(value, key, where)
-    if bare is float and type(value) is int and abs(value) > sys.float_info.max:
-        raise InputError(f"{key} must be finite; got a larger number", where=where(key))
-    if bare in (int, bool) and type(value) is not bare:
-        # OmegaConf would also accept '1_0' as 10, yes as true, and true as 1.
-        raise _type_error(value, kind, key, where)
-    return value
-
-
-def _coerce_member(value: Any, kind: Any, name: str, parent: str, where: Where) -> Any:
-    key = f"{parent}.{name}" if parent else name
-    return _coerce(value, child(kind, name, key, where), key, where)
-
-
-def evaluate(text: str, key: str, where: Where) -> float:
-    """Evaluate arithmetic such as ``2*pi``.
-
-    Raises:
-        InputError: the text is not a number.
-    """
-    # Imported here, because few configurations need the equation language at this point.
-    from dashred.physics.expressions.parser import number
-
-    try:
-        return number(text, where=where(key))
-    except InputError as error:
-        what = f"{key} must be a number: {error.what}"
-        raise InputError(what, where=error.where, hint=error.hint) from None
-
-
 def written_out(values: dict[str, Any]) -> dict[str, Any]:
     """Return a layer with its short forms written out.
 
@@ -286,16 +238,7 @@ def _merge_error(error: ValidationError, values: dict[str, Any], where: Where) -
     value: Any = values
     for part in key.replace("[", ".").replace("]", "").split("."):
         value = value[int(part)] if isinstance(value, list) else value[part]
-    return _type_error(value, kind_at(key, where), key, where)
-
-
-def _type_error(value: Any, kind: Any, key: str, where: Where) -> InputError:
-    given = {dict: "a section of keys", list: "a list", type(None): "nothing"}
-    got = given.get(type(value)) or repr(value)
-    if re.fullmatch(r"system\.inputs\.\w+", key):
-        what = f"{key} must be the name of a column, or a section of keys; got {got}"
-        return InputError(what, where=where(key), hint="for example {column: voltage, hold: true}")
-    return InputError(f"{key} must be {describe_kind(kind)}; got {got}", where=where(key))
+    return type_error(value, kind_at(key, where), key, where)
 
 
 def _edit(values: dict[str, Any], key: str, kind: type, change: Callable[[Any], Any]) -> None:

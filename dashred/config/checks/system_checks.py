@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from dashred.config.checks.tables import check_tables
-from dashred.config.layers import evaluate
+from dashred.config.coercion import evaluate
 from dashred.config.schema.types import Where
 from dashred.core.errors import InputError, nearest
 from dashred.physics.system_schema import Axis, System

@@ -7,9 +7,9 @@ from typing import Any
 
 import pandas as pd
 
-from dashred.reporting.text.improvement import has_probabilities
 from dashred.reporting.text.laws import alternative_text
 from dashred.reporting.text.regions import extent
+from dashred.reporting.text.support import has_probabilities
 
 TERMS = (
     *("equation", "term", "coefficient", "std", "low", "high", "unit"),

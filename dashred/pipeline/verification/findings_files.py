@@ -19,7 +19,7 @@ from dashred.pipeline.outputs.estimator_file import whole_recording, write_estim
 from dashred.pipeline.outputs.field_files import episodes_dataset
 from dashred.pipeline.problem import Problem
 from dashred.pipeline.verification.sensor_noise import noise_of_sensors
-from dashred.reporting.text.improvement import is_confirmed
+from dashred.reporting.text.support import is_confirmed
 
 # Standard deviation of the observer's estimate.
 SPREAD = "observer_spread.nc"

@@ -20,15 +20,14 @@ from dashred.reporting.text.headline import headline
 from dashred.reporting.text.improvement import (
     UNTESTED,
     assimilation_gains,
-    contradictions,
     error_before,
     forecast_limits,
     improvements,
-    is_confirmed,
 )
 from dashred.reporting.text.laws import law, other_laws
 from dashred.reporting.text.regions import location
 from dashred.reporting.text.sources import source
+from dashred.reporting.text.support import contradictions, is_confirmed
 
 TEMPLATE = "reporting/page/templates/report.html.j2"
 NOTEBOOK_TEMPLATE = "reporting/page/templates/notebook.html.j2"

@@ -9,8 +9,9 @@ from dashred.core.formatting import number, percent, pretty, rounded, sentence
 from dashred.core.units import format_unit
 from dashred.reporting.page.views import Table
 from dashred.reporting.text.causes import NOISE_RATIO, noise_ratio
-from dashred.reporting.text.improvement import count_text, has_probabilities, resolution_warning
+from dashred.reporting.text.improvement import count_text, resolution_warning
 from dashred.reporting.text.laws import alternative_text
+from dashred.reporting.text.support import has_probabilities
 
 HELD_OUT = {
     "test_sensors": "test sensors",

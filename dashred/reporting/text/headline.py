@@ -13,15 +13,12 @@ from dashred.reporting.text.improvement import (
     OTHER_CAUSES,
     error_before,
     has_only_parameters,
-    is_confirmed,
     is_lost,
-    is_scant,
-    is_unsupported,
-    nearest,
 )
 from dashred.reporting.text.laws import FEW
 from dashred.reporting.text.parameters import short_parameter_text
 from dashred.reporting.text.sources import located_source, short_source_text
+from dashred.reporting.text.support import is_confirmed, is_scant, is_unsupported, nearest
 
 PLACES = {
     "test_sensors": "at sensors not used in any fit",

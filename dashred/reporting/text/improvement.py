@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dashred.core.findings.fit_schema import LARGEST_OWN_ERROR
-from dashred.core.formatting import number, plural, rounded
+from dashred.core.formatting import number, plural
 from dashred.core.units import NO_UNITS, TIME, with_unit
 
 # A run whose error, in standard deviations of the readings, is larger than this has diverged.
@@ -66,11 +66,11 @@ def improvements(findings: Mapping[str, Any]) -> list[str]:
         if has_only_parameters(findings) and same_start is None:
             # Nothing else was corrected, so there is nothing to compare with.
             continue
-        parts = [f"{_size(corrected)} for the corrected simulation"]
+        parts = [f"{error_text(corrected)} for the corrected simulation"]
         if not has_only_parameters(findings):
-            parts.insert(0, f"{_size(refit)} for the simulation from {best}")
+            parts.insert(0, f"{error_text(refit)} for the simulation from {best}")
         if same_start is not None:
-            parts.insert(0, f"{_size(same_start)} for the simulation from {start}")
+            parts.insert(0, f"{error_text(same_start)} for the simulation from {start}")
         change = _factor(error_before(findings, key), corrected)
         if findings["terms"] and is_lost(fit, key):
             change = "runs of this chaotic system are lost before then"
@@ -94,118 +94,6 @@ def is_lost(fit: Mapping[str, Any], key: str) -> bool:
     return bool(compared) and key not in compared and not is_unstable
 
 
-def is_confirmed(findings: Mapping[str, Any]) -> bool:
-    """Return whether the held-out data do not contradict the law that the findings state.
-
-    Where no law of the library expresses what is missing, they may contradict the nearest one.
-    """
-    worse = any(each["worse"] for each in findings["fit"].get("comparisons", ()))
-    has_nearest = findings["verdict"] == "outside-library" and bool(findings["terms"])
-    return bool(findings["verdict"] != "unconfirmed") and not (has_nearest and worse)
-
-
-def is_unexplained(findings: Mapping[str, Any]) -> bool:
-    """Return whether no fitted law explains the recording."""
-    leading: Mapping[str, Any] = (findings["causes"] or [{}])[0]
-    return findings["verdict"] == "outside-library" and "terms" not in leading
-
-
-def names_nearest_law(findings: Mapping[str, Any]) -> bool:
-    """Return whether the stated law is only the nearest one to what is missing."""
-    return is_unexplained(findings) and bool(findings["terms"])
-
-
-def nearest(findings: Mapping[str, Any]) -> str:
-    """Return ``nearest law`` or ``nearest explanation`` if this is all that is stated, else ""."""
-    if names_nearest_law(findings):
-        return "nearest law"
-    leading: Mapping[str, Any] = (findings["causes"] or [{}])[0]
-    return "nearest explanation" if is_unexplained(findings) and "gain" in leading else ""
-
-
-def has_probabilities(findings: Mapping[str, Any]) -> bool:
-    """Return whether the probabilities of causes and of terms may be told.
-
-    They compare the fitted laws with each other. They say nothing if none of these explains the
-    recording, or if held-out data contradict or nowhere support the law.
-    """
-    is_refuted = not is_confirmed(findings) or (findings["terms"] and is_unsupported(findings))
-    return not is_refuted and not is_unexplained(findings)
-
-
-def is_unsupported(findings: Mapping[str, Any]) -> bool:
-    """Return whether there are held-out data, and the correction improves the error on none."""
-    fit, changes = findings["fit"], []
-    for key in HELD_OUT:
-        if "corrected" in (fit.get(key) or {}) and not is_lost(fit, key):
-            before, after = error_before(findings, key), fit[key]["corrected"]
-            left, told = (HUGE if error is None else min(error, HUGE) for error in (before, after))
-            changes.append(told < SAME * left)
-    return bool(changes) and not any(changes)
-
-
-def is_scant(findings: Mapping[str, Any]) -> bool:
-    """Return whether a law is not confirmed because the readings are too few to prove it."""
-    return bool(findings["fit"].get("unconfirmed") == "few-readings")
-
-
-def contradictions(findings: Mapping[str, Any]) -> list[str]:
-    """Return why an explanation is not confirmed."""
-    if is_confirmed(findings):
-        return []
-    if not findings["terms"]:
-        return [_contradicted_faults(findings["fit"])]
-    if is_scant(findings):
-        return [_too_few(findings)]
-    return [_contradiction(each) for each in findings["fit"]["comparisons"] if each["worse"]]
-
-
-def _too_few(findings: Mapping[str, Any]) -> str:
-    """Return that many laws fit so few readings."""
-    fit, terms = findings["fit"], findings["terms"]
-    coefficients, start = (
-        plural(len(terms), "coefficient"),
-        plural(fit["start_values"], "start value"),
-    )
-    return (
-        f"{coefficients} and {start} were fitted to {fit['readings']} readings: other laws with as "
-        "many terms fit so few. Record more readings, or list only the terms that are possible in "
-        "library."
-    )
-
-
-def _contradicted_faults(fit: Mapping[str, Any]) -> str:
-    """Return why not only sensors err."""
-    likely = "It does not: an effect that the simulation lacks is more likely."
-    if fit.get("unconfirmed") == "no-better-than-mean":
-        return (
-            "If only these sensors erred, the simulation would predict the others better than "
-            f"their mean does. {likely}"
-        )
-    misfits = fit["misfit_at_test_sensors"] or {}
-    each = ", ".join(f"{_size(misfit)} at {name}" for name, misfit in misfits.items())
-    told = f" Errors in standard deviations of the fit's residuals: {each}." if each else ""
-    return (
-        "If only these sensors erred, the simulation would agree with the sensors that no fit "
-        f"has used, or only distant ones would err as well. {likely}{told}"
-    )
-
-
-def _contradiction(compared: Mapping[str, Any]) -> str:
-    before, after, error = (compared[key] for key in ("before", "after", "error"))
-    line = (
-        f"{HELD_OUT[compared['data']]} the error is {_size(after)} with the suggested law, and "
-        f"{_size(before)} for the simulation from its best start."
-    )
-    if error is None:
-        return line
-    difference = compared["difference"]
-    size, low, high = (
-        rounded(value, error)[0] for value in (difference, difference - error, difference + error)
-    )
-    return f"{line} The mean squared error is larger by {size} (99 % interval: {low} to {high})."
-
-
 def _predictable(findings: Mapping[str, Any], key: str) -> str:
     """Return the errors up to the time at which both runs of a chaotic system are lost."""
     for each in findings["fit"].get("comparisons", ()):
@@ -214,8 +102,8 @@ def _predictable(findings: Mapping[str, Any], key: str) -> str:
             horizon = with_unit(f"{each['horizon']:.3g}", findings.get("units", NO_UNITS).get(TIME))
             return (
                 f" Errors of a run grow until it is lost. In the first {horizon} of a run the "
-                f"error is {_size(before)} from the best start and "
-                f"{_size(after)} with the correction: {_factor(before, after)}."
+                f"error is {error_text(before)} from the best start and "
+                f"{error_text(after)} with the correction: {_factor(before, after)}."
             )
     return ""
 
@@ -305,7 +193,7 @@ def _diverges(error: float | None) -> bool:
     return error is None or not error <= HUGE
 
 
-def _size(error: float | None) -> str:
+def error_text(error: float | None) -> str:
     """Return an error; a run that blows up has none, and null stands for it in the findings."""
     if error is None or _diverges(error):
         return "beyond all bounds"

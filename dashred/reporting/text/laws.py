@@ -5,9 +5,9 @@ from typing import Any
 
 from dashred.core.formatting import number, parenthesize_sum, pretty, sentence
 from dashred.core.units import NO_UNITS
-from dashred.reporting.text.improvement import is_confirmed, is_unsupported, names_nearest_law
 from dashred.reporting.text.regions import bounds
 from dashred.reporting.text.sources import located_source
+from dashred.reporting.text.support import is_confirmed, is_unsupported, names_nearest_law
 
 # Of more terms than a few, the smallest law that explains nearly all is reported, too.
 FEW, NEARLY = 3, 0.95

@@ -10,18 +10,15 @@ from dashred.reporting.text.consequences import consequences
 from dashred.reporting.text.improvement import (
     UNTESTED,
     assimilation_gains,
-    contradictions,
     forecast_limits,
     improvements,
-    is_confirmed,
-    is_scant,
-    nearest,
     resolution_warning,
 )
 from dashred.reporting.text.laws import SUGGESTED, has_law, law, other_laws
 from dashred.reporting.text.regions import location
 from dashred.reporting.text.shared_parameters import shared_parameters
 from dashred.reporting.text.sources import source
+from dashred.reporting.text.support import contradictions, is_confirmed, is_scant, nearest
 
 VERDICTS = {
     "missing-term": "a term is missing from the simulation",

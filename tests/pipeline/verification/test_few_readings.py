@@ -6,7 +6,7 @@ import pytest
 
 from dashred.core.findings.cause_schema import Verdict
 from dashred.pipeline.verification.few_readings import FEWEST_READINGS, are_too_few
-from dashred.reporting.text.improvement import contradictions, is_scant
+from dashred.reporting.text.support import contradictions, is_scant
 from dashred.reporting.text.verdict import meaning
 
 
