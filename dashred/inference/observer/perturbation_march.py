@@ -54,10 +54,10 @@ class PerturbationMarch:
         """
         states = np.concatenate([each.states for each in estimates])
         ends = np.cumsum([len(each.states) for each in estimates])
-        if self._coarse is None or len(states) == len(estimates):
-            return np.split(self._march(states, begin, span, known), ends[:-1])
-        rough = self._coarse(states, begin, span, known)
-        if not np.isfinite(rough).all():
+        coarse = self._coarse if len(states) > len(estimates) else None
+        rough = None if coarse is None else coarse(states, begin, span, known)
+        # Long steps may blow up where those of the simulator do not.
+        if rough is None or not np.isfinite(rough).all():
             return np.split(self._march(states, begin, span, known), ends[:-1])
         exact = self._march(np.concatenate([e.state for e in estimates]), begin, span, known)
         parts = np.split(rough, ends[:-1])
@@ -66,7 +66,7 @@ class PerturbationMarch:
 
 def _with_longest_steps(march: March, states: Array, begin: float, span: float) -> March | None:
     """Return the flow with the longest steps that are not too long; None if no longer ones are."""
-    if not march.takes_other_steps:
+    if not march.takes_other_steps or len(states) < 2:
         return None
     pairs = states[: 2 * min(PAIRS, len(states) // 2)]
     fields, exact = len(march.system.fields), _differences(march, pairs, begin, span)
