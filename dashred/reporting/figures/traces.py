@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -43,6 +43,8 @@ def sensor_traces(
 ) -> Figure:
     """Plot up to six sensors, held-out sensors first; recorded values are dots.
 
+    Sensors without any reading are left out, if there are others.
+
     Args:
         times: times of the recording.
         recorded: readings, NaN where missing, ``(time, sensor)``.
@@ -53,7 +55,8 @@ def sensor_traces(
         units: units of the readings, by sensor.
         clock: label of the time axis.
     """
-    shown = _choose(names, roles)
+    has_readings = ~np.isnan(recorded).all(axis=0)
+    shown = _choose(names, roles, has_readings if has_readings.any() else ~has_readings)
     panels = _panels(shown, times, time_end)
     columns = 1 if len(panels) == 1 else 2
     rows = -(-len(panels) // columns)
@@ -108,9 +111,12 @@ def draw_sensor(
         axes.plot(times, trace, label=method_label(method), **line_style)
 
 
-def _choose(names: Sequence[str], roles: Mapping[str, str]) -> list[int]:
+def _choose(
+    names: Sequence[str], roles: Mapping[str, str], possible: Bool[np.ndarray, " sensor"]
+) -> list[int]:
     rank = {role: index for index, role in enumerate(ROLES)}
-    order = sorted(range(len(names)), key=lambda i: (rank.get(roles.get(names[i], ""), 9), i))
+    every = map(int, np.flatnonzero(possible))
+    order = sorted(every, key=lambda i: (rank.get(roles.get(names[i], ""), 9), i))
     held_out = [i for i in order if roles.get(names[i]) in ("test", "validate")]
     fitted = [i for i in order if i not in held_out]
     # At least two fitted sensors are shown, because their fit can be bad, too.

@@ -274,6 +274,17 @@ def test_axes_carry_the_units_of_what_they_show() -> None:
         assert {"reading [rad]", "time [s]"} <= labels
 
 
+def test_a_sensor_without_readings_has_no_panel() -> None:
+    values = np.sin(TIMES)[:, None] * np.ones(3)
+    values[:, 1] = np.nan
+    names, roles = ["a", "b", "c"], {"b": "test"}
+    figure = sensor_traces(TIMES, values, names, roles, {"shred": np.ones_like(values)}, 8.0)
+    assert titles(figure) == ["a", "c"]
+    nothing = np.full_like(values, np.nan)
+    figure = sensor_traces(TIMES, nothing, names, roles, {"shred": np.ones_like(values)}, 8.0)
+    assert titles(figure) == ["b", "a", "c"]
+
+
 def test_a_forecast_shows_the_end_of_the_recording_and_all_beyond_it() -> None:
     values = np.sin(TIMES)[:, None] * np.ones(5)
     last = len(TIMES) // 2
