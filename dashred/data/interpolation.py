@@ -34,21 +34,20 @@ def trigonometric_weights(
 
     ``w_j(x) = (1/N) Σ_k c_k cos(2πk (x - x_j)/P)`` for the N points of a ring of length P, with
     ``c_0 = 1``, ``c_k = 2``, and ``c_{N/2} = 1`` for even N: the Nyquist mode is a cosine, so
-    that the weights are 1 and 0 at the grid points.
+    that the weights are 1 and 0 at the grid points. The sum is an inverse transform of phases.
 
     Args:
         axis: the ring.
         positions: in the unit of the axis.
     """
+    if not len(positions):
+        # An empty batch has no transform.
+        return torch.zeros(0, axis.ring_points, dtype=torch.float64)
     modes = torch.arange(axis.ring_points // 2 + 1, dtype=torch.float64)
-    shares = torch.full_like(modes, 2.0 / axis.ring_points)
-    shares[0] = 1.0 / axis.ring_points
-    if axis.ring_points % 2 == 0:
-        shares[-1] = 1.0 / axis.ring_points
     # Reduce the phase to one period first, which keeps the cosines of high modes accurate.
-    turns = (positions[:, None] / axis.period - _nodes(axis)) % 1.0
-    angles = 2 * math.pi * modes * turns[..., None]
-    return (torch.cos(angles) * shares).sum(dim=-1)
+    turns = (positions[:, None] / axis.period) % 1.0 * modes % 1.0
+    phases = torch.polar(torch.ones_like(turns), -2 * math.pi * turns)
+    return torch.fft.irfft(phases, n=axis.ring_points)
 
 
 def linear_weights(
@@ -62,7 +61,3 @@ def linear_weights(
     weights = torch.zeros(len(positions), axis.ring_points, dtype=torch.float64)
     weights.scatter_add_(1, columns, 1.0 - share)
     return weights.scatter_add_(1, (columns + 1) % axis.ring_points, share)
-
-
-def _nodes(axis: ObservedAxis) -> Float[Tensor, " point"]:
-    return torch.arange(axis.ring_points, dtype=torch.float64) / axis.ring_points
