@@ -38,17 +38,22 @@ class BothGains:
     Args:
         records: recordings of one system with their simulations.
         model_error: see :class:`.SimulatedErrors`.
+        step: time step of the perturbations; None for that of the simulator.
         seed: of the random numbers.
     """
 
     def __init__(
-        self, records: Sequence[ObservedRecord], model_error: float, seed: Sequence[int]
+        self,
+        records: Sequence[ObservedRecord],
+        model_error: float,
+        step: float | None,
+        seed: Sequence[int],
     ) -> None:
         rng = np.random.default_rng(seed)
         self._parts = [SimulatedErrors(record, model_error, rng) for record in records]
         own = np.random.default_rng([*seed, PERTURBATIONS])
         trials = max(1, TRIALS // len(records))
-        self.perturbed = [PerturbedErrors(part, trials, own) for part in self._parts]
+        self.perturbed = [PerturbedErrors(part, trials, step, own) for part in self._parts]
         self._fields, self._tapers = len(records[0].march.system.fields), records[0].tapers
         self._factor = SpreadFactor(self._fields)
         self._gain, self._samples = 0.0, 0

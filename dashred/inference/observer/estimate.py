@@ -49,10 +49,15 @@ class Estimate:
             return self.state
         return np.concatenate([self.state, self.state + self.perturbations])
 
-    @property
-    def is_finite(self) -> bool:
-        """Whether no value has blown up."""
-        return bool(np.isfinite(self.state).all() and np.isfinite(self.perturbations).all())
+    def is_near(self, centre: Array, reach: float) -> bool:
+        """Return whether no value of :attr:`states` is farther than so much from a state.
+
+        Args:
+            centre: the state, ``(field*point,)``.
+            reach: the largest distance.
+        """
+        # False as well for NaN, after a blow-up.
+        return bool(np.abs(self.states - centre).max() <= reach)
 
     def arrive(self, states: Array, differences: Array) -> None:
         """Take the forecasts of all states.

@@ -23,7 +23,7 @@ from dashred.core.budget import NEVER, Deadline
 from dashred.inference.observer.both_gains import BothGains
 from dashred.inference.observer.observed_path import ObservedPath
 from dashred.inference.observer.observed_record import ObservedRecord
-from dashred.inference.observer.perturbation_march import PerturbationMarch
+from dashred.inference.observer.perturbation_march import PerturbationMarch, perturbation_step
 
 Array = NDArray[np.float64]
 
@@ -71,11 +71,13 @@ def observe(
     Raises:
         OutOfTimeError: the deadline is over before the first run has ended.
     """
+    first = records[0]
+    step = perturbation_step(first.march, first.states(0), float(first.times[0]), first.span(1))
     best: tuple[ObservedPath, BothGains, float] | None = None
     for model_error in MODEL_ERRORS:
         if best is not None and deadline.is_over:
             break
-        observers = BothGains(records, model_error, seed)
+        observers = BothGains(records, model_error, step, seed)
         path = _run(observers, records, deadline)
         if best is None or path.cost < best[0].cost or path.mean_square <= EXPECTED:
             best = path, observers, model_error

@@ -6,13 +6,16 @@ It need not be exact either, because it gives covariances alone.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from dashred.inference.observer.estimate import Estimate
 from dashred.inference.observer.march import March
+from dashred.physics.runs.step_stability import Along, is_stable
 
 Array = NDArray[np.float64]
 
@@ -21,6 +24,8 @@ STEPS = (1, 2, 3, 4, 6, 8)
 # Steps are not too long if, after so many samples, the differences of so many pairs of simulations
 # have at most this error in each field.
 PAIRS, SAMPLES, TOLERANCE = 8, 8, 0.05
+# Number of samples over which the steps must not amplify rounding errors.
+DURATION = 1000
 
 
 class PerturbationMarch:
@@ -28,14 +33,12 @@ class PerturbationMarch:
 
     Args:
         march: the simulator from sample to sample.
-        states: that the system may be in, ``(state, field*point)``.
-        begin: time at which they are.
-        span: time between two samples.
+        step: time step of the perturbations; None for that of the simulator.
     """
 
-    def __init__(self, march: March, states: Array, begin: float, span: float) -> None:
+    def __init__(self, march: March, step: float | None) -> None:
         self._march = march
-        self._coarse = _with_longest_steps(march, states, begin, span)
+        self._coarse = None if step is None else march.with_step(step)
 
     def __call__(
         self,
@@ -64,22 +67,36 @@ class PerturbationMarch:
         return [state + (own - own[:1]) for state, own in zip(exact, parts, strict=True)]
 
 
-def _with_longest_steps(march: March, states: Array, begin: float, span: float) -> March | None:
-    """Return the flow with the longest steps that are not too long; None if no longer ones are."""
+def perturbation_step(march: March, states: Array, begin: float, span: float) -> float | None:
+    """Return the longest time step that perturbations may take; None for that of the simulator.
+
+    Args:
+        march: the simulator from sample to sample.
+        states: that the system may be in, ``(state, field*point)``.
+        begin: time at which they are.
+        span: time between two samples.
+    """
     if not march.takes_other_steps or len(states) < 2:
         return None
     pairs = states[: 2 * min(PAIRS, len(states) // 2)]
     fields, exact = len(march.system.fields), _differences(march, pairs, begin, span)
     size = _squares(exact, fields)
+    time = torch.tensor([begin], dtype=torch.float64)
+    along = Along(march.on_grid(states[:1]), time, math.inf, DURATION * span)
     for count in STEPS:
-        if span / count <= 1.5 * march.system.dt:
-            break
         coarse = march.with_step(span / count)
+        if coarse.system.dt <= 1.5 * march.system.dt:
+            break
         errors = _squares(_differences(coarse, pairs, begin, span) - exact, fields)
         # This is also false for runs that have blown up.
-        if (errors <= TOLERANCE**2 * size).all():
-            return coarse
+        is_accurate = (errors <= TOLERANCE**2 * size).all()
+        if is_accurate and is_stable(coarse.system, along, _go_on):
+            return coarse.system.dt
     return None
+
+
+def _go_on() -> None:
+    """The time of this check is small against that of the simulations."""
 
 
 def _differences(march: March, pairs: Array, begin: float, span: float) -> Array:

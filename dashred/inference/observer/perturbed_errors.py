@@ -13,7 +13,7 @@ from dashred.inference.observer.covariances import Covariances
 from dashred.inference.observer.estimate import PERTURBATIONS, Estimate
 from dashred.inference.observer.observed_path import Analysis
 from dashred.inference.observer.perturbation_march import PerturbationMarch
-from dashred.inference.observer.simulated_errors import SimulatedErrors
+from dashred.inference.observer.simulated_errors import LOST, SimulatedErrors
 
 Array = NDArray[np.float64]
 
@@ -28,18 +28,24 @@ class PerturbedErrors:
             expected variances, ``(trial, quantity)`` each.
     """
 
-    def __init__(self, mean: SimulatedErrors, trials: int, rng: np.random.Generator) -> None:
+    def __init__(
+        self,
+        mean: SimulatedErrors,
+        trials: int,
+        step: float | None,
+        rng: np.random.Generator,
+    ) -> None:
         """Begin at the mean of the simulations, with differences of pairs of them.
 
         Args:
             mean: observers with the mean gain, on all simulations of the record.
             trials: number of simulations that are observed.
+            step: time step of the perturbations; None for that of the simulator.
             rng: random number generator.
         """
         self._mean, self._record, self._rng = mean, mean.record, rng
         self._trials = min(trials, len(mean.simulated))
-        record, first = self._record, float(self._record.times[0])
-        self.march = PerturbationMarch(record.march, mean.simulated, first, record.span(1))
+        self.march = PerturbationMarch(self._record.march, step)
         self._estimates = [self._begun() for _ in range(1 + self._trials)]
         self.variances = np.empty(0)
         self.of_quantities = np.empty(0), np.empty(0)
@@ -61,9 +67,11 @@ class PerturbedErrors:
         record = self._record
         begin, span = float(record.times[sample - 1]), record.span(sample)
         parts = self.march(self._estimates, begin, span)
+        simulated = self._mean.simulated
+        centre, reach = simulated.mean(axis=0), LOST * float(np.ptp(simulated, axis=0).max())
         for index, (each, own) in enumerate(zip(self._estimates, parts, strict=True)):
             each.arrive(own, self._mean.differences(PERTURBATIONS, self._rng))
-            if not each.is_finite:
+            if not each.is_near(centre, reach):
                 self._estimates[index] = self._begun()
 
     def analyse(self, mean: Covariances, sample: int) -> Analysis:

@@ -16,7 +16,8 @@ from dashred.inference.observer.random_differences import random_differences
 
 Array = NDArray[np.float64]
 
-# An error this many times as large as the median of all is that of an observer that is lost.
+# An error this many times as large as the median of all, or a state farther than this multiple of
+# the range of the simulations from their mean, is that of an observer that is lost.
 LOST = 10.0
 
 

@@ -52,6 +52,7 @@ def learn_gains(
     climate: Array,
     span: float,
     model_error: float,
+    step: float | None,
     seed: int,
 ) -> LiveGains:
     """Observe simulations, and average the covariances of their later samples.
@@ -66,6 +67,7 @@ def learn_gains(
         climate: states that the system may be in, ``(state, field*point)``.
         span: time between samples.
         model_error: see :class:`.simulated_errors.SimulatedErrors`.
+        step: time step of perturbations; None for that of the simulator.
         seed: of the random numbers.
     """
     simulations = _Simulations(march, climate, span, np.random.default_rng(seed))
@@ -78,7 +80,7 @@ def learn_gains(
         operator=readout.operator,
         tapers=tapers,
     )
-    observers = BothGains([record], model_error, [seed])
+    observers = BothGains([record], model_error, step, [seed])
     means, found, expected = [], [], []
     for _ in range(SAMPLES):
         means.append(observers.forecast())

@@ -20,6 +20,7 @@ from dashred.inference.observer.covariances import Update
 from dashred.inference.observer.estimate import Estimate
 from dashred.inference.observer.localisation import radius_for, sensor_tapers
 from dashred.inference.observer.march import March, points_of
+from dashred.inference.observer.perturbation_march import perturbation_step
 from dashred.inference.observer.random_differences import random_differences
 from dashred.inference.streaming.live_estimator import FAR, Analysed, LiveSettings
 from dashred.inference.streaming.live_gains import SIMULATIONS, LiveGains, learn_gains
@@ -72,6 +73,7 @@ class LiveObserver:
         self._tapers = sensor_tapers(self.system, self.sensors, quantities, radius)
         self._shape = points_of(self.system)
         self._mean, self._range = climate.mean(axis=0), np.ptp(climate, axis=0).max()
+        self._step = perturbation_step(march, climate, march.begin, span)
         self._gains = self._learnt()
         self.begin()
 
@@ -178,6 +180,7 @@ class LiveObserver:
             self._climate,
             self._span,
             self.settings.additive,
+            self._step,
             self._seed,
         )
 
@@ -186,6 +189,5 @@ class LiveObserver:
         return random_differences(self._climate, self._gains.perturbations, self._rng)
 
     def _check(self, time: float) -> None:
-        farthest = np.abs(self.estimate.states - self._mean).max()
-        if not farthest <= FAR * self._range:
+        if not self.estimate.is_near(self._mean, FAR * self._range):
             raise FilterLostError(f"the estimate has blown up at t = {time:g}")

@@ -67,8 +67,9 @@ def test_without_perturbations_the_covariances_are_the_mean_ones(steps: int) -> 
     assert estimate.states.shape == (1, POINTS)
 
 
-def test_a_state_that_blows_up_is_not_finite() -> None:
+@pytest.mark.parametrize("value", [1e3, np.inf, np.nan])
+def test_an_estimate_that_blows_up_is_far_from_all_states(value: float) -> None:
     estimate = begun()
-    assert estimate.is_finite
-    estimate.perturbations[0, 0] = np.inf
-    assert not estimate.is_finite
+    assert estimate.is_near(np.zeros(POINTS), 100.0)
+    estimate.perturbations[0, 0] = value
+    assert not estimate.is_near(np.zeros(POINTS), 100.0)
