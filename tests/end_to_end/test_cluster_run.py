@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -19,9 +20,15 @@ FIELD = (
     "system.axes.x.points=2048",
     "system.spread={u: 10%, length: 0.12}",
     "recording.duration=2",
+    "recording.sensors=8",
     "simulation={members: 8, held_out: 2}",
     "budget=3600",
 )
+# Terms in windows are fitted side by side.
+TWIN = """
+a:
+  terms: [{equation: u, term: u, coefficient: -0.8, window: {x: [1, 3], edge: 0.3}}]
+"""
 
 
 @pytest.fixture
@@ -36,9 +43,13 @@ def test_the_findings_of_a_cluster_are_those_of_this_machine(
     quick: Path, train: Run, as_large: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed")
-    alone = train(f"conf={quick}", *FIELD, folder=tmp_path / "alone")
+    conf = tmp_path / "windowed.yaml"
+    shutil.copy(quick, conf)
+    (tmp_path / "twins").mkdir()
+    (tmp_path / "twins" / conf.name).write_text(TWIN)
+    alone = train(f"conf={conf}", *FIELD, folder=tmp_path / "alone")
     assert alone.code == 0, alone.err
-    words = [f"conf={quick}", *FIELD, f"recording.path={alone.output / 'recording.nc'}"]
+    words = [f"conf={conf}", *FIELD, f"recording.path={alone.output / 'recording.nc'}"]
     called: list[str] = []
     call = ClusterCalls.call_with
 
