@@ -11,6 +11,11 @@ from lightning import Callback, LightningModule, Trainer
 from torch import Tensor
 
 
+def _accept(module: LightningModule) -> bool:
+    """Accept every state. A fit on several devices sends this to its processes by name."""
+    return True
+
+
 class BestState(Callback):
     """Restore the best state at the end of training.
 
@@ -36,7 +41,7 @@ class BestState(Callback):
         monitor: str,
         gain: float = 0.0,
         floor: float = 0.0,
-        accepts: Callable[[LightningModule], bool] = lambda _: True,
+        accepts: Callable[[LightningModule], bool] = _accept,
     ) -> None:
         self.monitor, self.gain, self.floor, self.accepts = monitor, gain, floor, accepts
         self.best, self.best_epoch, self.required = math.inf, 0, math.inf

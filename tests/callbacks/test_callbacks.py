@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from typing import Any
 
 import pytest
@@ -141,3 +142,8 @@ def test_progress_rises_to_one_and_shows_the_metric():
     assert shares[-1] == 1.0
     assert all(0 <= share <= 1 for share in shares)
     assert [says for _, says in told if says] == ["x 3.000", "x 1.250"]
+
+
+def test_callbacks_can_be_sent_to_other_processes() -> None:
+    for callback in (BestState("rmse/x"), RMSECurves(print, print, "shred")):
+        assert type(pickle.loads(pickle.dumps(callback))) is type(callback)
