@@ -177,7 +177,7 @@ def test_a_whole_run_keeps_its_ensembles_on_disk_and_removes_them(
     monkeypatch.setattr(ensemble_memory, "draw_ensemble_to_disk", noted)
     ended = train(f"conf={case}", "tracking.model=false")
     assert ended.code == 0, ended.err
-    assert drawn == ["ensemble 0", "corrected ensemble 0"]
+    assert drawn == ["ensemble 0", "corrected ensemble 0", "simulate for the observer 0"]
     assert "24 members, with random discrepancies, on disk" in ended.out
     assert json.loads(ended.read("findings.json"))["verdict"] == "missing-term"
     assert not [path for path in ended.output.iterdir() if "ensembles" in path.name]
