@@ -13,7 +13,6 @@ from dashred.inference.observer.both_gains import BothGains
 from dashred.inference.observer.covariances import Covariances
 from dashred.inference.observer.march import March
 from dashred.inference.observer.observed_record import ObservedRecord
-from dashred.inference.observer.perturbation_march import PerturbationMarch
 from dashred.inference.streaming.live_estimator import MIXING
 from dashred.inference.streaming.readout import Readout
 
@@ -31,13 +30,11 @@ class LiveGains:
         means: over simulations, by sample.
         perturbations: number beside the estimate, for a gain that follows the state; or 0.
         factor: squared error of each quantity over its expected variance, ``(quantity,)``.
-        march: the flow of estimates with their perturbations.
     """
 
     means: Sequence[Covariances]
     perturbations: int
     factor: Array
-    march: PerturbationMarch
 
     def at(self, sample: int) -> Covariances:
         """Return the mean covariances of a sample; they no longer change after the last one."""
@@ -95,7 +92,7 @@ def learn_gains(
     if perturbations:
         known = np.maximum(np.sum(expected[half:], axis=0), np.finfo(np.float64).tiny)
         factor = np.sum(found[half:], axis=0) / known
-    return LiveGains([*means[:half], steady], perturbations, factor, observers.perturbed[0].march)
+    return LiveGains([*means[:half], steady], perturbations, factor)
 
 
 class _Simulations:

@@ -20,7 +20,7 @@ from dashred.inference.observer.covariances import Update
 from dashred.inference.observer.estimate import Estimate
 from dashred.inference.observer.localisation import radius_for, sensor_tapers
 from dashred.inference.observer.march import March, points_of
-from dashred.inference.observer.perturbation_march import perturbation_step
+from dashred.inference.observer.perturbation_march import PerturbationMarch, perturbation_step
 from dashred.inference.observer.random_differences import random_differences
 from dashred.inference.streaming.live_estimator import FAR, Analysed, LiveSettings
 from dashred.inference.streaming.live_gains import SIMULATIONS, LiveGains, learn_gains
@@ -74,6 +74,7 @@ class LiveObserver:
         self._shape = points_of(self.system)
         self._mean, self._range = climate.mean(axis=0), np.ptp(climate, axis=0).max()
         self._step = perturbation_step(march, climate, march.begin, span)
+        self._flow = PerturbationMarch(march, self._step)
         self._gains = self._learnt()
         self.begin()
 
@@ -159,7 +160,7 @@ class LiveObserver:
         # The next sample needs the same forecast, with its perturbations.
         is_next = span == self._span and not self.march.has_inputs
         if is_next:
-            self._later = span, self._gains.march([self.estimate], self.time, span)[0]
+            self._later = span, self._flow([self.estimate], self.time, span)[0]
             later = self._later[1]
         else:
             later = self.march(self.estimate.state, self.time, span, known=self.time)
@@ -169,7 +170,7 @@ class LiveObserver:
         """Return all states at a sample; a forecast of that length was computed already."""
         if self._later is not None and self._later[0] == span:
             return self._later[1]
-        return self._gains.march([self.estimate], self.time, span, known=time)[0]
+        return self._flow([self.estimate], self.time, span, known=time)[0]
 
     def _learnt(self) -> LiveGains:
         return learn_gains(

@@ -86,8 +86,4 @@ def _is_stable(system: System, states: Tensor, times: Tensor) -> bool:
         return True
     at = int(states[:count].flatten(1).norm(dim=1).argmax())
     along = Along(states[at : at + 1], times[at : at + 1], end, end - begin)
-    return is_stable(system, along, _go_on)
-
-
-def _go_on() -> None:
-    """The time of this check is small against that of the search."""
+    return is_stable(system, along)

@@ -58,13 +58,9 @@ def with_longer_step(problem: Problem, nominal: NominalRun) -> Problem:
     )
     for dt in reversed(accurate):
         # Most programs choose their own stable steps, and a call may take long.
-        if system.program is not None or is_stable(system.with_step(dt), along, _go_on):
+        if system.program is not None or is_stable(system.with_step(dt), along):
             return problem.with_longer_step(dt)
     return problem
-
-
-def _go_on() -> None:
-    """The time of this check is small against that of the ensemble."""
 
 
 def _ends_of_segments(problem: Problem, path: Tensor, system: System) -> Tensor:

@@ -47,7 +47,7 @@ def verdict(folder: Path, document: dict[str, Any], dt: float, steps: int = 1000
     along = Along(
         nominal_start(system), torch.zeros(1, dtype=torch.float64), steps * dt, steps * dt
     )
-    return is_stable(system, along, lambda: None)
+    return is_stable(system, along)
 
 
 def test_a_stiff_diffusion_in_rk4(tmp_path: Path) -> None:
