@@ -26,6 +26,8 @@ LABELS = {
     "filter_state": "ensemble Kalman filter",
     "filter_augmented": "ensemble Kalman filter with coefficients",
     "shred_plain": "SHRED, plain",
+    "pyshred": "pyshred, recommended settings",
+    "pyshred_tuned": "pyshred, tuned",
     "shred": "SHRED, randomised",
     "dashred": "DA-SHRED",
     SHRED_UNCHANGED: "SHRED = DA-SHRED",

@@ -29,6 +29,8 @@ METHODS = (
     "closed_form",
     "optimal_interpolation",
     "shred_plain",
+    "pyshred",
+    "pyshred_tuned",
     "filter_state",
     "filter_augmented",
 )
@@ -66,6 +68,11 @@ def analyse(config: Config) -> None:
     from dashred.evaluation.baselines.kalman_filter import filter_augmented, filter_state
     from dashred.evaluation.baselines.optimal_interpolation import optimal_interpolation
     from dashred.evaluation.baselines.plain_shred import plain_shred
+    from dashred.evaluation.baselines.pyshred_field import (
+        is_installed,
+        pyshred_recommended,
+        pyshred_tuned,
+    )
     from dashred.evaluation.baselines.single_episode import single_episode
     from dashred.pipeline.discovery.identifiable_terms import keep_identifiable_terms
     from dashred.pipeline.run.output_dir import make_output
@@ -101,6 +108,9 @@ def analyse(config: Config) -> None:
                     plain_seconds,
                 ),
             }
+            if is_installed():
+                methods["pyshred"] = partial(pyshred_recommended, problem, plain), plain_seconds
+                methods["pyshred_tuned"] = partial(pyshred_tuned, problem, plain), plain_seconds
             ended = {
                 name: attempt(method, sum(simulations.values()))
                 for name, (method, simulations) in methods.items()

@@ -19,6 +19,7 @@ PLOTTED = (
     "filter_state",
     "filter_augmented",
     "shred_plain",
+    "pyshred_tuned",
     "shred",
     SHRED_UNCHANGED,
     "dashred",

@@ -36,6 +36,8 @@ COLOURS = {
     "filter_state": PURPLE,
     "filter_augmented": PURPLE,
     "shred_plain": SKY,
+    "pyshred": ORANGE,
+    "pyshred_tuned": ORANGE,
     "shred": SKY,
     SHRED_UNCHANGED: SKY,
     "dashred": VERMILION,
@@ -56,6 +58,7 @@ DASHES = {
     "closed_form": "-.",
     "filter_augmented": "--",
     "shred_plain": ":",
+    "pyshred": ":",
     "corrected_shred": "--",
     "observer": "-.",
 }

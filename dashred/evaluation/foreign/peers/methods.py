@@ -44,6 +44,11 @@ PEERS: dict[str, Method] = {
     "joint_full": Method(
         "state and law by Levenberg–Marquardt, removal by BIC", "full state", ("numpy", "scipy")
     ),
+    "evidence_full": Method(
+        "state and law together, removal by the evidence, ODR-BINDy",
+        "full state",
+        ("numpy", "scipy"),
+    ),
     "weak_sindy": Method("PySINDy, weak form", "full state", ("pysindy",)),
     "ensemble_sindy": Method("PySINDy, ensemble", "full state", ("pysindy",)),
     "weak_pde": Method("PDE-FIND, weak form", "full state", ("pysindy",)),
@@ -54,7 +59,7 @@ PEERS: dict[str, Method] = {
 ASKED: dict[int, tuple[str, ...]] = {
     0: (
         *("joint_sensors", "ensemble_smoother", "iterative_smoother", "filter"),
-        *("joint_full", "weak_sindy", "ensemble_sindy", "oracle"),
+        *("joint_full", "evidence_full", "weak_sindy", "ensemble_sindy", "oracle"),
     ),
     1: ("weak_pde", "pde_find", "filter"),
     2: ("pde_find", "filter"),

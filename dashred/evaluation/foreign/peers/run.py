@@ -38,6 +38,7 @@ def _methods() -> Mapping[str, Callable[[Path], list[TermEntry]]]:
     from dashred.evaluation.foreign.peers.full_field import full_field_pde_find
     from dashred.evaluation.foreign.peers.full_state import read_full_state
     from dashred.evaluation.foreign.peers.measured import all_measured, read_measured
+    from dashred.evaluation.foreign.peers.shooting.evidence_removal import largest_evidence
     from dashred.evaluation.foreign.peers.shooting.oracle import fit_true_form
     from dashred.evaluation.foreign.peers.shooting.term_removal import joint_state_and_law
     from dashred.evaluation.foreign.peers.true_form import read_true_form
@@ -54,6 +55,7 @@ def _methods() -> Mapping[str, Callable[[Path], list[TermEntry]]]:
         "weak_pde": lambda folder: weak_pde(read_full_state(folder)),
         "filter": filter_with_coefficients,
         "joint_full": lambda folder: joint_state_and_law(all_measured(read_full_state(folder))),
+        "evidence_full": lambda folder: largest_evidence(all_measured(read_full_state(folder))),
         "joint_sensors": lambda folder: joint_state_and_law(read_measured(folder)),
         "ensemble_smoother": lambda folder: smooth_ensemble(read_measured(folder)),
         "iterative_smoother": lambda folder: smooth_iteratively(read_measured(folder)),

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.linalg import LinAlgError
 
 from dashred.evaluation.baselines.estimate import TermEntry
+from dashred.evaluation.foreign.cases.case import Array
 from dashred.evaluation.foreign.peers.measured import Measured, check_fit, entries_of
 from dashred.evaluation.foreign.peers.shooting.joint_fit import VIOLATIONS, JointFit, Point
 
@@ -31,12 +32,12 @@ def joint_state_and_law(given: Measured) -> list[TermEntry]:
         NoAnswerError: the law does not fit the readings.
     """
     terms = given.library
-    point = _all_terms(given)
+    point = fit_all_terms(given)
     penalty = math.log(given.readings.size)
     kept, best = terms, point
     least = point.cost + penalty * len(terms)
     while terms:
-        least_needed = _least_needed(point)
+        least_needed = int(np.argmin(needs(point)))
         terms = [term for j, term in enumerate(terms) if j != least_needed]
         try:
             point = JointFit(given, terms).minimise(
@@ -54,8 +55,8 @@ def joint_state_and_law(given: Measured) -> list[TermEntry]:
     return entries_of(kept, best.coefficients)
 
 
-def _all_terms(given: Measured) -> Point:
-    """Fit all terms; the equations are enforced step by step."""
+def fit_all_terms(given: Measured) -> Point:
+    """Return the fit of all terms; the equations are enforced step by step."""
     fit = JointFit(given, given.library)
     point = fit.minimise(
         given.first_states, np.zeros(len(given.library)), VIOLATIONS[0], ITERATIONS
@@ -65,13 +66,12 @@ def _all_terms(given: Measured) -> Point:
     return point
 
 
-def _least_needed(point: Point) -> int:
-    """Return the term whose removal raises the cost least, in the linear approximation."""
+def needs(point: Point) -> Array:
+    """Return how much the removal of each term raises the cost, in the linear approximation."""
     try:
         information = point.information()
         size = np.sqrt(np.diag(information).clip(min=1e-300))
         variances = np.diag(np.linalg.pinv(information / np.outer(size, size), hermitian=True))
-        needed = (point.coefficients * size) ** 2 / variances.clip(min=1e-300)
+        return np.asarray((point.coefficients * size) ** 2 / variances.clip(min=1e-300))
     except LinAlgError:
-        needed = point.coefficients**2 * np.diag(point.own)
-    return int(np.argmin(needed))
+        return np.asarray(point.coefficients**2 * np.diag(point.own))
