@@ -57,19 +57,20 @@ class Arguments:
     noise: tuple[float, ...] = argument(
         list_reader(_read_noise),
         "0.02,0.05",
-        "std of the noise as a share of that of a reading; fields and mechanics have the first",
+        "std of the noise as a share of that of a reading; fields and mechanics have the first, "
+        "problems of other papers their own",
         default="0.02",
     )
     draws: int = argument(
         integer_reader(at_least=1, at_most=1000),
         "3",
-        "draws of each polynomial system at each noise",
+        "draws of each polynomial system at each noise, and of the published Lorenz system",
         default="3",
     )
     collections: tuple[str, ...] = argument(
         list_reader(_read_collection),
         "dysts,fields",
-        "runs these now; the draw and the page have all three",
+        "runs these now; the draw and the page have all",
         default=",".join(COLLECTIONS),
     )
     cases: tuple[str, ...] | None = argument(

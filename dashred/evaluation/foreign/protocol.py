@@ -10,6 +10,12 @@ from dashred.core.errors import InputError
 from dashred.evaluation.foreign.cases.case import Case, Collection, Kind
 from dashred.evaluation.foreign.cases.field_equations import FIELD_EQUATIONS
 from dashred.evaluation.foreign.cases.mechanisms import MECHANISMS
+from dashred.evaluation.foreign.cases.published_problems import (
+    KS_NOISE,
+    KS_PROBLEMS,
+    LORENZ_NOISE,
+    LORENZ_PROBLEMS,
+)
 from dashred.evaluation.isolation.worker import CHECKOUT
 from dashred.evaluation.proof.cases.draw import seed_of
 
@@ -24,7 +30,8 @@ MECHANICS_KINDS: tuple[Kind, ...] = ("term", "term", "sensor", "term", "nothing"
 def draw_cases(draw: str, dysts: Sequence[str], noise: Sequence[float], draws: int) -> list[Case]:
     """Return all cases of a draw.
 
-    The fields and the mechanisms are drawn at the first noise only.
+    The fields and the mechanisms are drawn at the first noise only, and the problems of other papers
+    at that of the paper.
 
     Args:
         draw: text that gives the seed: the hash of the commit.
@@ -38,6 +45,8 @@ def draw_cases(draw: str, dysts: Sequence[str], noise: Sequence[float], draws: i
         *(("dysts", dysts, terms, each) for each in noise),
         ("fields", list(FIELD_EQUATIONS), FIELD_KINDS, noise[0]),
         ("mechanics", list(MECHANISMS), MECHANICS_KINDS, noise[0]),
+        *(("published", list(LORENZ_PROBLEMS), terms, each) for each in LORENZ_NOISE),
+        ("published", list(KS_PROBLEMS), ("term",), KS_NOISE),
     ]
     return [
         Case(collection, system, kind, number, share, seed)

@@ -179,8 +179,9 @@ def _groups(rows: Rows) -> Iterable[tuple[str, list[Row]]]:
                 row for row in rows if (row["collection"], row["noise"]) == (collection, noise)
             ]
     others = [row for row in rows if row["collection"] != "dysts"]
+    ours = [row for row in others if row["collection"] != "published"]
     for kind, title in KINDS.items():
-        groups[f"fields and mechanics: {title}"] = _of_kind(others, kind)
+        groups[f"fields and mechanics: {title}"] = _of_kind(ours, kind)
     for system in sorted({row["system"] for row in others}):
         groups[f"system: {system}"] = [row for row in others if row["system"] == system]
     groups["all"] = list(rows)

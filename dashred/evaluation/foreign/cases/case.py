@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Collection = Literal["dysts", "fields", "mechanics"]
+Collection = Literal["dysts", "fields", "mechanics", "published"]
 Kind = Literal["term", "source", "region", "sensor", "nothing"]
 COLLECTIONS: dict[Collection, str] = {
     "dysts": "polynomial systems of dysts",
     "fields": "fields by py-pde",
     "mechanics": "mechanics by SciPy's Radau with events",
+    "published": "problems of other papers",
 }
 KINDS: dict[Kind, str] = {
     "term": "a term is left out",

@@ -6,7 +6,7 @@ collection, and has 320 samples over 10 periods.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,7 +75,9 @@ def make_dysts_case(case: Case) -> MadeCase:
         system={
             "title": f"{system.name} of dysts",
             "fields": {name: f"variable {name}" for name in names},
-            "equations": _equations(system, left_out),
+            "equations": simulator_equations(
+                system, [(left_out.equation, left_out.monomial)]
+            ),
             "start": {n: float(f"{v:.6g}") for n, v in zip(names, stated, strict=True)},
             "spread": {n: float(f"{START_ERROR * v:.4g}") for n, v in zip(names, std, strict=True)},
             "integrator": {
@@ -159,14 +161,21 @@ def _measured(system: PolynomialSystem, left_out: LeftOut, rng: np.random.Genera
     return names.replace(names[sorted(acting)[choice]], "")
 
 
-def _equations(system: PolynomialSystem, left_out: LeftOut) -> dict[str, str]:
-    """Return the equations of the simulator."""
+def simulator_equations(
+    system: PolynomialSystem, left_out: Sequence[tuple[int, Monomial]]
+) -> dict[str, str]:
+    """Return the equations of the simulator.
+
+    Args:
+        system: of the truth.
+        left_out: indices of equations and terms that the simulator lacks.
+    """
     names = system.variables
     return {
         name: _sum(
             (coefficient, text_of(monomial, names))
             for monomial, coefficient in polynomial.items()
-            if (i, monomial) != (left_out.equation, left_out.monomial)
+            if (i, monomial) not in left_out
         )
         for i, (name, polynomial) in enumerate(zip(names, system.equations, strict=True))
     }

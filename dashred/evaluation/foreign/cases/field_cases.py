@@ -38,7 +38,19 @@ def make_field_case(case: Case) -> MadeCase:
         ArithmeticError: the truth cannot be computed.
         InputError: ``py-pde`` is not installed.
     """
-    equation = _with_drawn_parameters(FIELD_EQUATIONS[case.system], case.stream("parameters"))
+    equation = FIELD_EQUATIONS[case.system]
+    return make_case_of_equation(
+        case, _with_drawn_parameters(equation, case.stream("parameters"))
+    )
+
+
+def make_case_of_equation(case: Case, equation: FieldEquation) -> MadeCase:
+    """Make the recording and the truth of a case with a given equation.
+
+    Raises:
+        ArithmeticError: the truth cannot be computed.
+        InputError: ``py-pde`` is not installed.
+    """
     solver = FieldSolver(equation, equation.parameters)
     stated = solver.start(equation.start)
     start = stated + _start_error(solver, stated, case.stream("start"))
