@@ -189,6 +189,8 @@ def _filled(values: Float[Array, "time sensor"]) -> Float[Array, "time sensor"]:
         known = np.flatnonzero(~np.isnan(column))
         if len(known) == 0:
             raise ValueError("a sensor has no reading")
-        last = known[np.maximum(np.searchsorted(known, np.arange(len(column)), side="right") - 1, 0)]
+        last = known[
+            np.maximum(np.searchsorted(known, np.arange(len(column)), side="right") - 1, 0)
+        ]
         column[:] = column[last]
     return filled

@@ -30,8 +30,8 @@ MECHANICS_KINDS: tuple[Kind, ...] = ("term", "term", "sensor", "term", "nothing"
 def draw_cases(draw: str, dysts: Sequence[str], noise: Sequence[float], draws: int) -> list[Case]:
     """Return all cases of a draw.
 
-    The fields and the mechanisms are drawn at the first noise only, and the problems of other papers
-    at that of the paper.
+    The fields and the mechanisms are drawn at the first noise only, and the problems of other
+    papers at the paper's.
 
     Args:
         draw: text that gives the seed: the hash of the commit.

@@ -52,8 +52,9 @@ class HorizonFit:
         samples: the last horizon.
         is_complete: whether the last horizon is the whole record.
         levels: ``(samples, χ²/n)`` of each stage.
-        widened: indices of the candidates whose prior the evidence widened.
-        widest: the largest factor by which it was widened.
+        widened: indices of the candidates whose prior the evidence widened, or of the law that was
+            found over segments.
+        widest: the largest factor by which their prior exceeds the tight one.
     """
 
     phi: Tensor

@@ -75,9 +75,7 @@ def make_dysts_case(case: Case) -> MadeCase:
         system={
             "title": f"{system.name} of dysts",
             "fields": {name: f"variable {name}" for name in names},
-            "equations": simulator_equations(
-                system, [(left_out.equation, left_out.monomial)]
-            ),
+            "equations": simulator_equations(system, [(left_out.equation, left_out.monomial)]),
             "start": {n: float(f"{v:.6g}") for n, v in zip(names, stated, strict=True)},
             "spread": {n: float(f"{START_ERROR * v:.4g}") for n, v in zip(names, std, strict=True)},
             "integrator": {

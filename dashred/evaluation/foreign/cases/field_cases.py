@@ -39,9 +39,7 @@ def make_field_case(case: Case) -> MadeCase:
         InputError: ``py-pde`` is not installed.
     """
     equation = FIELD_EQUATIONS[case.system]
-    return make_case_of_equation(
-        case, _with_drawn_parameters(equation, case.stream("parameters"))
-    )
+    return make_case_of_equation(case, _with_drawn_parameters(equation, case.stream("parameters")))
 
 
 def make_case_of_equation(case: Case, equation: FieldEquation) -> MadeCase:

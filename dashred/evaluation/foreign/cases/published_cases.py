@@ -34,7 +34,8 @@ def make_published_case(case: Case) -> MadeCase:
 def _make_lorenz_case(case: Case) -> MadeCase:
     problem, names = LORENZ_PROBLEMS[case.system], LORENZ.variables
     rng = case.stream("what")
-    times = np.arange(round(problem.until / LORENZ_INTERVAL)) * LORENZ_INTERVAL
+    samples = round(problem.until / LORENZ_INTERVAL)
+    times = np.linspace(0.0, (samples - 1) * LORENZ_INTERVAL, samples)
     states = integrate(LORENZ.tendency, np.array(LORENZ.start), times)
     every = [(i, monomial) for i, terms in enumerate(LORENZ.equations) for monomial in terms]
     left_out = every if problem.whole else [every[int(rng.integers(len(every)))]]

@@ -5,6 +5,8 @@ This is the limit q → 0 of the model error. It replaces the growing horizon wh
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 
 from dashred.inference.fit.growing_horizon import HorizonFit
@@ -23,13 +25,17 @@ FIRST_SAMPLES = 6
 
 
 def follow_segments(
-    objective: LeastSquaresProblem, segments: SegmentSearch
+    objective: LeastSquaresProblem, segments: SegmentSearch, tight: float
 ) -> tuple[FittedGuess, HorizonFit] | None:
     """Return the start and the fit of one trajectory; None if it does not follow the record.
+
+    The prior is widened for a law with larger coefficients. The natural scales come from the
+    simulation, which may be far from the record where the law is large.
 
     Args:
         objective: F of all candidates over the whole record.
         segments: laws found over segments.
+        tight: prior std of the coefficients while a horizon grows, in their natural scales.
     """
     best = segments.best
     candidates, xi = segments.terms(best)
@@ -42,6 +48,10 @@ def follow_segments(
     z = project_state(model.start, torch.from_numpy(begins))
     phi = torch.cat([z, model.scaled_changes(changes), torch.from_numpy(xi)[order]])
     law = objective.subset(chosen)
+    values = phi[objective.modes :].abs()
+    law = replace(law, prior_std=torch.maximum(law.prior_std, values))
+    ratios = values / (tight * law.forward_model.law.scales)
+    widest = max([1.0, *ratios.tolist()])
     fitted = minimise(law, phi, STEPS, TOLERANCE)
     limit = MAX_RATIO * max(1.0, segments.level) * objective.noise.count
     if not fitted.chi2 < limit:
@@ -52,6 +62,9 @@ def follow_segments(
         return None
     samples, level = len(objective.recorded), fitted.chi2 / max(1, objective.noise.count)
     whole = objective.embed(fitted.phi, chosen)
-    horizon = HorizonFit(whole, chosen, fitted.readings, samples, True, [(samples, level)])
+    levels = [(samples, level)]
+    horizon = HorizonFit(
+        whole, chosen, fitted.readings, samples, True, levels, widened=chosen, widest=widest
+    )
     guess = FittedGuess("segments", model.start, fitted.phi[: objective.modes], level**0.5)
     return guess, horizon

@@ -62,12 +62,13 @@ def fit_first_trajectory(
         seconds: run time by stage, updated.
     """
     problem, nominal, segments = given.problem, given.nominal, given.segments
-    weak = problem.config.discovery.weak
+    settings = problem.config.discovery
+    weak = settings.weak
     explained = segments is not None and is_explained(segments)
     if segments is not None and explained:
         with stage("fit one trajectory to the record", seconds):
             objective = build_least_squares(problem, simulator, nominal.start, candidates, weak)
-            followed = follow_segments(objective, segments)
+            followed = follow_segments(objective, segments, settings.tight)
         if followed is not None:
             guess, horizon = followed
             return FirstTrajectory([guess], guess, horizon)

@@ -70,15 +70,13 @@ def test_record_noise_and_start_are_as_promised(monkeypatch) -> None:
 
 
 def test_a_simulator_is_written_as_one_would() -> None:
-    left_out = dysts_cases.LeftOut(2, (0, 1), 1.0, 1.0)
-    assert dysts_cases._equations(LORENZ, left_out) == {
+    assert dysts_cases.simulator_equations(LORENZ, [(2, (0, 1))]) == {
         "x": "-10*x + 10*y",
         "y": "28*x - y - x*z",
         "z": "-2.667*z",
     }
     alone = PolynomialSystem("alone", ({(): -1.0}, {(): 2.0, (0,): 1.0}), (1, 1), 1.0)
-    none = dysts_cases.LeftOut(0, (), -1.0, 1.0)
-    assert dysts_cases._equations(alone, none) == {"x": "0", "y": "2 + x"}
+    assert dysts_cases.simulator_equations(alone, [(0, ())]) == {"x": "0", "y": "2 + x"}
 
 
 def test_half_of_the_cases_do_not_measure_one_variable() -> None:

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from dashred.evaluation.foreign.peers.measured import NoAnswerError
+from dashred.evaluation.foreign.peers.shooting.evidence_removal import (
+    PRIOR,
+    largest_evidence,
+    negative_log_evidence,
+)
 from dashred.evaluation.foreign.peers.shooting.flow import Flow
 from dashred.evaluation.foreign.peers.shooting.joint_fit import JointFit
 from dashred.evaluation.foreign.peers.shooting.oracle import TrueFormFit, fit_true_form
@@ -123,3 +129,28 @@ def test_the_derivatives_of_the_multiple_shooting() -> None:
         found = (fit._residuals(x + change) - fit._residuals(x - change)) / 2e-5
         size = np.abs(found).max()
         np.testing.assert_allclose(derivatives[:, k], found, rtol=1e-3, atol=1e-4 * size)
+
+
+def test_the_evidence_leaves_the_true_terms_alone() -> None:
+    [term] = largest_evidence(damped_oscillator("xv"))
+    assert (term["equation"], term["term"]) == ("v", "v")
+    assert term["coefficient"] == pytest.approx(-0.3, rel=0.05)
+
+
+def test_the_evidence_of_a_linear_fit_is_that_of_the_closed_form() -> None:
+    given = damped_oscillator("xv")
+    fit = JointFit(given, given.library)
+    point = fit.at(given.first_states, np.zeros(len(given.library)), 0.1)
+    assert point is not None
+    information = point.information() + np.eye(len(given.library)) / PRIOR**2
+    expected = point.cost / 2 + np.linalg.slogdet(information)[1] / 2
+    expected += len(given.library) * math.log(PRIOR)
+    assert negative_log_evidence(point) == pytest.approx(expected)
+    without = replace(
+        point,
+        coefficients=point.coefficients[:0],
+        mixed=point.mixed[:, :0],
+        own=point.own[:0, :0],
+        slope_coefficients=point.slope_coefficients[:0],
+    )
+    assert negative_log_evidence(without) == pytest.approx(point.cost / 2)

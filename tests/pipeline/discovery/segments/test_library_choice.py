@@ -24,6 +24,7 @@ Noise = Callable[[np.random.Generator], NDArray[np.float64]]
 Search = Callable[..., tuple[Problem, NominalRun, SegmentSearch]]
 TIMES = np.linspace(0, 16, 401)
 SPLITS = "splits: {sensors: {validate: 0, test: 0, extra: 0}}\n"
+TIGHT = 0.05
 
 
 def white_noise(rng: np.random.Generator) -> NDArray[np.float64]:
@@ -139,14 +140,16 @@ system:
     assert found.terms(found.best)[1] == pytest.approx([-3.0, -0.6], abs=0.1)
 
 
-def test_one_trajectory_follows_the_law_of_the_segments(search: Search) -> None:
+@pytest.mark.parametrize("prior", [3.0, 0.01])
+def test_one_trajectory_follows_the_law_of_the_segments(search: Search, prior: float) -> None:
+    """The prior, whose scale is that of the simulation, is widened where the law is larger."""
     problem, nominal, found = search(SPRING, lambda x, v: -4 * x - 0.05 * v - 0.3 * x**3)
     candidates = build_candidates(
         problem.system, problem.library, nominal.references[0], problem.times
     )
     simulator = exact_simulator(problem, candidates)
-    objective = build_least_squares(problem, simulator, nominal.start, candidates, 3.0)
-    followed = follow_segments(objective, found)
+    objective = build_least_squares(problem, simulator, nominal.start, candidates, prior)
+    followed = follow_segments(objective, found, TIGHT)
     assert followed is not None
     guess, horizon = followed
     assert horizon.is_complete and horizon.levels[-1][1] == pytest.approx(0.9, abs=0.2)
@@ -154,6 +157,8 @@ def test_one_trajectory_follows_the_law_of_the_segments(search: Search) -> None:
     assert str(candidates[member]) == "v: x**3"
     assert float(horizon.phi[objective.modes + member]) == pytest.approx(-0.3, abs=0.01)
     assert guess.name == "segments"
+    wide = horizon.widest * TIGHT * float(candidates[member].scale)
+    assert horizon.widened == (member,) and wide >= 0.3 * (1 - 1e-9)
 
 
 def test_noise_of_a_logger_that_smooths_needs_no_terms(search: Search) -> None:
