@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from importlib.util import find_spec
 from typing import Any
 
@@ -122,7 +123,7 @@ class _Trained:
         exact = "noisy" if self.setting.noisy else "exact"
         setting = self.setting
         size = f"{setting.lags} lags, {setting.modes} modes"
-        return f"{size}, {exact} readings, {self.epochs} epochs"
+        return f"{size}, {exact} readings, {self.epochs} epochs, pyshred {version('pyshred')}"
 
 
 def _train(problem: Problem, ensemble: Ensemble, setting: Setting) -> _Trained:

@@ -127,10 +127,12 @@ def _stage_seconds(record: Record, stage: str) -> float | None:
 
 def _fields(rows: Sequence[ComparedRow], noise: float) -> Grid:
     systems = _by_system(rows)
-    lines = [
-        [name, *(ratio_text(field_ratio(group, method)) for group in systems.values())]
+    ratios = {
+        name: [ratio_text(field_ratio(group, method)) for group in systems.values()]
         for method, name in FIELDS.items()
-    ]
+    }
+    # The rows of earlier versions have no errors of the methods that came later.
+    lines = [[name, *texts] for name, texts in ratios.items() if any(texts)]
     return Grid(f"The field, at {100 * noise:g} % noise", ["", *systems], lines)
 
 
