@@ -63,13 +63,16 @@ class Trained:
     given: Any = None
 
     def field(self, readings: np.ndarray) -> torch.Tensor:
+        """Return the states, and keep the readings."""
         self.given = readings
         return torch.full((len(readings), 2), float(self.setting.lags))
 
     def test_error(self) -> float:
+        """Return the given error."""
         return self.error
 
     def note(self) -> str:
+        """Return the number of lags."""
         return f"{self.setting.lags} lags"
 
 
