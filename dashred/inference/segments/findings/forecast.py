@@ -30,16 +30,45 @@ Indices = NDArray[np.intp]
 # about the law. It takes at most this share of the last part of an episode.
 GROWTH, LONGEST_SHARE = 10.0, 0.5
 STEPS = 8
+# A law of many terms stands if it leaves at most this share of the squared error that the forecast
+# without a law has beyond the noise, and every law of a few terms leaves at least the other share.
+LEFT_BY_MANY, LEFT_BY_FEW = 0.1, 0.5
 
 
 def sufficient_law(search: SegmentSearch) -> SegmentLaw:
-    """Return the smallest law whose forecast is about as good as the best of a few terms."""
+    """Return the smallest law whose forecast is about as good as the best of a few terms.
+
+    If no law of a few terms forecasts the record, but the best law of all does, that one is
+    returned: the simulator lacks many terms.
+    """
     path: dict[int, SegmentLaw] = {}
     for law in sorted(search.laws, key=lambda each: each.fit.cost):
         path.setdefault(len(law.members), law)
     laws = [path[size] for size in sorted(path) if 0 < size <= MOST_TERMS]
     length = forecast_length(search)
-    return laws[smallest_sufficient([forecast(search, law, length) for law in laws])]
+    few = [forecast(search, law, length) for law in laws]
+    without, best = (forecast(search, law, length) for law in (path[0], search.best))
+    if needs_many_terms(without, few, best):
+        return search.best
+    return laws[smallest_sufficient(few)]
+
+
+def needs_many_terms(without: Forecast, few: Sequence[Forecast], many: Forecast) -> bool:
+    """Return whether a law of many terms forecasts the record, and no law of a few terms does.
+
+    Args:
+        without: forecast of the simulator without a law.
+        few: forecasts of laws of a few terms.
+        many: forecast of the law of many terms.
+    """
+    error = _beyond_noise(without)
+    if not math.isfinite(error) or _beyond_noise(many) > LEFT_BY_MANY * error:
+        return False
+    return all(_beyond_noise(each) >= LEFT_BY_FEW * error for each in few)
+
+
+def _beyond_noise(found: Forecast) -> float:
+    return max(found.rmse**2 - 1, 0.0)
 
 
 def forecast_length(search: SegmentSearch) -> int:

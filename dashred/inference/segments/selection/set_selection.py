@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from dashred.core.budget import NEVER
-from dashred.inference.fit.selection.subset_search import ProfiledProblem
+from dashred.inference.fit.selection.subset_search import ProfiledProblem, backward_path
 from dashred.inference.segments.gauss_newton import NodeFit, fit_nodes
 from dashred.inference.segments.point import Point
 from dashred.inference.segments.selection.candidate_sets import (
@@ -30,6 +30,8 @@ STUCK = 10.0
 # How many sets are refitted in a round. Later rounds may add one candidate each to the winner of
 # the round before, up to the last number.
 REFITTED, ROUNDS, LARGEST_WINNER = 8, 8, 8
+# Sets of up to so many candidates are reached by dropping one after the other from all of them.
+LARGEST_LAW = 12
 # How many sets of each size up to the largest are refitted about a winner of more candidates.
 SMALL_SETS = 3
 
@@ -147,6 +149,8 @@ def _promising(
     costs: dict[Set, float] = {}
     for found in beam_search(profiled, extended):
         costs |= found
+    for members in backward_path(profiled, LARGEST_LAW):
+        costs |= predict(profiled, [members])
     if len(winner) < LARGEST_WINNER:
         costs |= predict(profiled, with_one([winner], extended))
     level = problem.level([*costs.values(), *(fit.cost for fit in fits.values())])

@@ -124,7 +124,7 @@ def _search_with_own_step(
 def with_few_terms(found: SegmentSearch) -> SegmentSearch:
     """Return the search with the law of the headline in the first place.
 
-    A law of many members is reduced to those that its forecast needs.
+    A law of many members is reduced to those that its forecast needs, which may be all of them.
     """
     if len(found.best.members) <= MOST_TERMS:
         return found

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from dashred.core.progress import stage
+from dashred.inference.fit.forecast_choice import MOST_TERMS
 from dashred.inference.fit.growing_horizon import HorizonFit
 from dashred.inference.fit.law import Law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
@@ -17,6 +18,7 @@ from dashred.pipeline.discovery.headline_law import Headline, headline_law
 from dashred.pipeline.discovery.inputs import DiscoveryInputs
 from dashred.pipeline.discovery.least_squares import build_least_squares
 from dashred.pipeline.discovery.prior_start import select_near_prior
+from dashred.pipeline.discovery.segments.segment_stage import with_few_terms
 from dashred.pipeline.discovery.selected_laws import MAX_RIVALS, fit_best
 from dashred.pipeline.discovery.stages.first_trajectory import FirstTrajectory
 from dashred.pipeline.discovery.stages.horizon_stage import (
@@ -83,10 +85,18 @@ def select_laws(
         selection = replace(selection, objective=replace(selection.objective, deadline=deadline))
         laws, ranked, nothing, uncorrected = fit_best(selection)
         report(1.0, str(laws[0]))
-        told = problem.budget.attempt(
-            "forecasts of smaller laws", lambda: headline_law(selection, laws[0].score), None
-        )
+        told = None
+        if not _needs_many_terms(given):
+            told = problem.budget.attempt(
+                "forecasts of smaller laws", lambda: headline_law(selection, laws[0].score), None
+            )
     return SelectedLaws(objective, horizon, selection, laws, ranked, nothing, uncorrected, told)
+
+
+def _needs_many_terms(given: DiscoveryInputs) -> bool:
+    """Tell whether the forecasts over segments need a law of many terms."""
+    segments = given.segments
+    return segments is not None and len(with_few_terms(segments).best.members) > MOST_TERMS
 
 
 def _select_terms(
