@@ -154,6 +154,8 @@ def test_the_normal_form_has_the_value_of_the_text(text: str, at: dict[str, floa
         wanted = float(wanted)
     if isinstance(wanted, complex):  # complex intermediate values may cancel: (-1)**u - (-1)**u
         return
+    if not math.isfinite(wanted):  # an overflow: 0*(1/5e-324)
+        return
     assert found == pytest.approx(wanted, rel=1e-6, abs=1e-6)
 
 

@@ -20,6 +20,9 @@ MOST_TERMS = 4
 FITTED_SHARE = 0.75
 # A forecast is about as good as the best within this share of its error, or one standard error.
 MARGIN = 0.05
+# A law of many terms stands if it leaves at most this share of the squared error that the forecast
+# without a law has beyond the noise, and every law of a few terms leaves at least the other share.
+LEFT_BY_MANY, LEFT_BY_FEW = 0.1, 0.5
 # Blocks of the forecast whose scatter gives the standard error: errors are correlated in time.
 BLOCKS = 10
 
@@ -64,3 +67,21 @@ def smallest_sufficient(forecasts: Sequence[Forecast]) -> int:
     best = min(forecasts, key=lambda forecast: forecast.rmse)
     limit = max((1 + MARGIN) * best.rmse, best.rmse + best.std)
     return next(i for i, forecast in enumerate(forecasts) if forecast.rmse <= limit)
+
+
+def needs_many_terms(without: Forecast, few: Sequence[Forecast], many: Forecast) -> bool:
+    """Return whether a law of many terms forecasts the record, and no law of a few terms does.
+
+    Args:
+        without: forecast of the simulator without a law.
+        few: forecasts of laws of a few terms.
+        many: forecast of the law of many terms.
+    """
+    error = _beyond_noise(without)
+    if not 0 < error < math.inf or _beyond_noise(many) > LEFT_BY_MANY * error:
+        return False
+    return all(_beyond_noise(each) >= LEFT_BY_FEW * error for each in few)
+
+
+def _beyond_noise(found: Forecast) -> float:
+    return max(found.rmse**2 - 1, 0.0)

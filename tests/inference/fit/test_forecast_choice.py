@@ -7,7 +7,12 @@ import math
 import pytest
 import torch
 
-from dashred.inference.fit.forecast_choice import Forecast, forecast_of, smallest_sufficient
+from dashred.inference.fit.forecast_choice import (
+    Forecast,
+    forecast_of,
+    needs_many_terms,
+    smallest_sufficient,
+)
 
 
 def test_the_size_of_errors_and_its_standard_error():
@@ -41,3 +46,19 @@ def test_the_smallest_within_five_percent(errors, chosen):
 
 def test_one_standard_error_counts():
     assert smallest_sufficient([Forecast(1.2, 0.1), Forecast(1.0, 0.25)]) == 0
+
+
+@pytest.mark.parametrize(
+    ("without", "few", "many", "needed"),
+    [
+        (8.0, (8.1, 7.9), 1.1, True),
+        (8.0, (8.1, 4.0), 1.1, False),  # a few terms leave a quarter of the squared error
+        (8.0, (8.1, 7.9), 3.0, False),  # many terms do not forecast the record either
+        (8.0, (math.inf, math.inf), 1.0, True),
+        (math.inf, (8.0,), 1.0, False),
+        (1.0, (1.0,), 1.0, False),
+    ],
+)
+def test_many_terms_are_needed_where_no_few_forecast_the_record(without, few, many, needed):
+    forecasts = [Forecast(each, 0.0) for each in few]
+    assert needs_many_terms(Forecast(without, 0.0), forecasts, Forecast(many, 0.0)) is needed

@@ -15,6 +15,7 @@ from dashred.inference.fit.forecast_choice import (
     MOST_TERMS,
     Forecast,
     forecast_of,
+    needs_many_terms,
     smallest_sufficient,
 )
 from dashred.inference.forward.candidates import Candidate
@@ -30,9 +31,6 @@ Indices = NDArray[np.intp]
 # about the law. It takes at most this share of the last part of an episode.
 GROWTH, LONGEST_SHARE = 10.0, 0.5
 STEPS = 8
-# A law of many terms stands if it leaves at most this share of the squared error that the forecast
-# without a law has beyond the noise, and every law of a few terms leaves at least the other share.
-LEFT_BY_MANY, LEFT_BY_FEW = 0.1, 0.5
 
 
 def sufficient_law(search: SegmentSearch) -> SegmentLaw:
@@ -51,24 +49,6 @@ def sufficient_law(search: SegmentSearch) -> SegmentLaw:
     if needs_many_terms(without, few, best):
         return search.best
     return laws[smallest_sufficient(few)]
-
-
-def needs_many_terms(without: Forecast, few: Sequence[Forecast], many: Forecast) -> bool:
-    """Return whether a law of many terms forecasts the record, and no law of a few terms does.
-
-    Args:
-        without: forecast of the simulator without a law.
-        few: forecasts of laws of a few terms.
-        many: forecast of the law of many terms.
-    """
-    error = _beyond_noise(without)
-    if not math.isfinite(error) or _beyond_noise(many) > LEFT_BY_MANY * error:
-        return False
-    return all(_beyond_noise(each) >= LEFT_BY_FEW * error for each in few)
-
-
-def _beyond_noise(found: Forecast) -> float:
-    return max(found.rmse**2 - 1, 0.0)
 
 
 def forecast_length(search: SegmentSearch) -> int:
