@@ -120,14 +120,13 @@ class _Trained:
 
     def note(self) -> str:
         """Return a short description of the setting."""
-        exact = "noisy" if self.setting.noisy else "exact"
-        setting = self.setting
-        size = f"{setting.lags} lags, {setting.modes} modes"
-        return f"{size}, {exact} readings, {self.epochs} epochs, pyshred {version('pyshred')}"
+        size = f"{self.setting.lags} lags, {self.setting.modes} modes"
+        readings = f"{'noisy' if self.setting.noisy else 'exact'} readings"
+        return f"{size}, {readings}, {self.epochs} epochs, pyshred {version('pyshred')}"
 
 
 def _train(problem: Problem, ensemble: Ensemble, setting: Setting) -> _Trained:
-    from pyshred import SHRED, ParametricDataManager, ParametricSHREDEngine
+    from pyshred import ParametricDataManager, ParametricSHREDEngine
 
     states = np.asarray(ensemble.states[:], dtype=np.float64)
     members, samples = states.shape[:2]
@@ -149,25 +148,30 @@ def _train(problem: Problem, ensemble: Ensemble, setting: Setting) -> _Trained:
         )
     training, validation, _ = manager.prepare()
 
-    def fitted(epochs: int) -> tuple[Any, int]:
-        network = SHRED()
-        errors = network.fit(
-            training,
-            validation,
-            batch_size=setting.batch,
-            num_epochs=epochs,
-            lr=setting.rate,
-            verbose=False,
-        )
-        return network, len(errors)
-
     # The package has no limit of time, so that one epoch is timed first.
     began = time.perf_counter()
-    fitted(1)
+    _fit(training, validation, setting, 1)
     each = time.perf_counter() - began
-    network, epochs = fitted(min(EPOCHS, max(1, int(SECONDS / each))))
+    affordable = min(EPOCHS, max(1, int(SECONDS / each)))
+    network, epochs = _fit(training, validation, setting, affordable)
     engine, tested = ParametricSHREDEngine(manager, network), manager.test_indices
     return _Trained(setting, epochs, engine, states[tested], noisy[tested])
+
+
+def _fit(training: Any, validation: Any, setting: Setting, epochs: int) -> tuple[Any, int]:
+    """Return a trained network of the package, and the epochs that it took."""
+    from pyshred import SHRED
+
+    network = SHRED()
+    errors = network.fit(
+        training,
+        validation,
+        batch_size=setting.batch,
+        num_epochs=epochs,
+        lr=setting.rate,
+        verbose=False,
+    )
+    return network, len(errors)
 
 
 def _readings(problem: Problem, ensemble: Ensemble) -> tuple[Array, Array]:
@@ -190,8 +194,6 @@ def _filled(values: Float[Array, "time sensor"]) -> Float[Array, "time sensor"]:
         known = np.flatnonzero(~np.isnan(column))
         if len(known) == 0:
             raise ValueError("a sensor has no reading")
-        last = known[
-            np.maximum(np.searchsorted(known, np.arange(len(column)), side="right") - 1, 0)
-        ]
-        column[:] = column[last]
+        later = np.searchsorted(known, np.arange(len(column)), side="right")
+        column[:] = column[known[np.maximum(later - 1, 0)]]
     return filled

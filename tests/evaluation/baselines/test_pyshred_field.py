@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import torch
 
-from dashred.config import load_config
 from dashred.evaluation.baselines import pyshred_field
 from dashred.evaluation.baselines.pyshred_field import (
     TUNED,
@@ -17,41 +16,7 @@ from dashred.evaluation.baselines.pyshred_field import (
     pyshred_recommended,
     pyshred_tuned,
 )
-from dashred.evaluation.twins import record_command
 from dashred.physics.runs.ensemble import Ensemble
-from dashred.pipeline.input.build_problem import build_problem
-from dashred.pipeline.problem import Problem
-from dashred.pipeline.simulation.ensembles import simulate_ensemble
-from dashred.pipeline.simulation.nominal_run import simulate_nominal
-
-SWING = """
-system:
-  title: mass on a spring
-  fields: {q: place, p: momentum}
-  parameters: {k: 3.0}
-  equations: {q: p, p: -k*q}
-  start: {q: 1.0, p: 0.0}
-  spread: {q: 0.3, p: 0.3}
-  integrator: {method: rk4, dt: 0.02}
-recording: {twin: a, sensors: 1, noise: 0.02, duration: 12, every: 0.1, reads: [q]}
-splits: {sensors: {validate: 0, test: 0}}
-simulation: {members: 20, held_out: 4}
-"""
-HIDDEN = "a:\n  terms: []\n"
-
-
-@pytest.fixture(scope="module")
-def swing(tmp_path_factory: pytest.TempPathFactory) -> tuple[Problem, Ensemble]:
-    folder = tmp_path_factory.mktemp("swing")
-    path = folder / "swing.yaml"
-    path.write_text(SWING)
-    (folder / "twins").mkdir()
-    (folder / "twins" / "swing.yaml").write_text(HIDDEN)
-    out = folder / "a"
-    assert record_command.main([f"conf={path}", "recording.twin=a", f"output={out}"]) == 0
-    reads = [f"conf={path}", f"recording.path={out / 'recording.nc'}"]
-    problem = build_problem(load_config([*reads, "simulation.discrepancy=false"], entry="test"))
-    return problem, simulate_ensemble(problem, simulate_nominal(problem, {}), {})
 
 
 @dataclass
@@ -77,7 +42,7 @@ class Trained:
 
 
 def test_the_setting_that_is_best_on_simulations_is_taken(swing, monkeypatch) -> None:
-    problem, ensemble = swing
+    problem, _, ensemble = swing["null"]
     errors = dict(zip(TUNED, (0.3, 0.1, 0.2), strict=True))
     monkeypatch.setattr(
         pyshred_field,
@@ -98,7 +63,7 @@ def test_a_missing_reading_is_the_last_one_that_is_known() -> None:
 
 
 def test_the_readings_are_those_of_the_simulations_with_the_noise_of_the_sensors(swing) -> None:
-    problem, ensemble = swing
+    problem, _, ensemble = swing["null"]
     exact, noisy = pyshred_field._readings(problem, ensemble)
     np.testing.assert_allclose(exact[:, :, 0], ensemble.states[:, :, 0])
     sigma = float(problem.noise_of(problem.split.fit.names)[0])
@@ -107,8 +72,8 @@ def test_the_readings_are_those_of_the_simulations_with_the_noise_of_the_sensors
 
 def test_the_package_learns_a_field_that_few_readings_determine(swing, monkeypatch) -> None:
     pytest.importorskip("pyshred", reason="pyshred asks for numpy below 2")
-    problem, ensemble = swing
-    monkeypatch.setattr(pyshred_field, "EPOCHS", 25)
+    problem, _, ensemble = swing["null"]
+    monkeypatch.setattr(pyshred_field, "EPOCHS", 8)
     found = pyshred_recommended(problem, ensemble)
     count = len(problem.split.fit.times)
     assert found.states.shape == (count, 2) and found.terms is None
@@ -120,7 +85,7 @@ def test_the_package_learns_a_field_that_few_readings_determine(swing, monkeypat
 
 def test_too_few_simulations_are_refused(swing, monkeypatch) -> None:
     pytest.importorskip("pyshred", reason="pyshred asks for numpy below 2")
-    problem, ensemble = swing
+    problem, _, ensemble = swing["null"]
     few = Ensemble(ensemble.times, ensemble.states[:5], ensemble.coefficients[:5])
     with pytest.raises(ValueError, match="at least 10 simulations"):
         pyshred_recommended(problem, few)

@@ -18,13 +18,12 @@ from scipy.linalg import LinAlgError
 
 from dashred.evaluation.baselines.estimate import TermEntry
 from dashred.evaluation.foreign.peers.measured import Measured, check_fit, entries_of
-from dashred.evaluation.foreign.peers.shooting.joint_fit import VIOLATIONS, JointFit, Point
+from dashred.evaluation.foreign.peers.shooting.joint_fit import Point
 from dashred.evaluation.foreign.peers.shooting.term_removal import (
-    ITERATIONS_AFTER_REMOVAL,
     fit_all_terms,
+    fit_without,
     needs,
 )
-from dashred.physics.system import Term
 
 # Its authors' prior std of a coefficient.
 PRIOR = 100.0
@@ -44,7 +43,8 @@ def largest_evidence(given: Measured) -> list[TermEntry]:
     kept, best, least = terms, point, negative_log_evidence(point)
     without_gain = 0
     while terms and without_gain < PATIENCE:
-        found = [_without(given, terms, point, int(j)) for j in np.argsort(needs(point))[:TRIED]]
+        least_needed = np.argsort(needs(point))[:TRIED].tolist()
+        found = [fit_without(given, terms, point, j) for j in least_needed]
         tried = [each for each in found if each is not None]
         if not tried:
             break
@@ -71,20 +71,3 @@ def negative_log_evidence(point: Point) -> float:
     sign, size = np.linalg.slogdet(information + np.eye(count) / PRIOR**2)
     prior = float(np.sum((point.coefficients / PRIOR) ** 2))
     return (point.cost + prior + size) / 2 + count * math.log(PRIOR) if sign > 0 else math.inf
-
-
-def _without(
-    given: Measured, terms: list[Term], point: Point, removed: int
-) -> tuple[list[Term], Point] | None:
-    """Return the other terms and their fit; None if the states run away without this one."""
-    others = [term for j, term in enumerate(terms) if j != removed]
-    try:
-        fitted = JointFit(given, others).minimise(
-            point.states,
-            np.delete(point.coefficients, removed),
-            VIOLATIONS[-1],
-            ITERATIONS_AFTER_REMOVAL,
-        )
-    except ArithmeticError:
-        return None
-    return others, fitted

@@ -12,6 +12,7 @@ removal by the criterion is also dashred's own search without all that it adds.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.linalg import LinAlgError
@@ -20,6 +21,7 @@ from dashred.evaluation.baselines.estimate import TermEntry
 from dashred.evaluation.foreign.cases.case import Array
 from dashred.evaluation.foreign.peers.measured import Measured, check_fit, entries_of
 from dashred.evaluation.foreign.peers.shooting.joint_fit import VIOLATIONS, JointFit, Point
+from dashred.physics.system import Term
 
 ITERATIONS, ITERATIONS_AFTER_REMOVAL = 40, 6
 
@@ -37,17 +39,10 @@ def joint_state_and_law(given: Measured) -> list[TermEntry]:
     kept, best = terms, point
     least = point.cost + penalty * len(terms)
     while terms:
-        least_needed = int(np.argmin(needs(point)))
-        terms = [term for j, term in enumerate(terms) if j != least_needed]
-        try:
-            point = JointFit(given, terms).minimise(
-                point.states,
-                np.delete(point.coefficients, least_needed),
-                VIOLATIONS[-1],
-                ITERATIONS_AFTER_REMOVAL,
-            )
-        except ArithmeticError:  # Without the term the states run away: it cannot be removed.
+        remaining = fit_without(given, terms, point, int(np.argmin(needs(point))))
+        if remaining is None:
             break
+        terms, point = remaining
         criterion = point.cost + penalty * len(terms)
         if criterion < least:
             kept, best, least = terms, point, criterion
@@ -64,6 +59,30 @@ def fit_all_terms(given: Measured) -> Point:
     for violation in VIOLATIONS[1:]:
         point = fit.minimise(point.states, point.coefficients, violation, ITERATIONS)
     return point
+
+
+def fit_without(
+    given: Measured, terms: Sequence[Term], point: Point, removed: int
+) -> tuple[list[Term], Point] | None:
+    """Return the other terms and their fit; None if the states run away without the removed term.
+
+    Args:
+        given: readings and simulator.
+        terms: of the fit before.
+        point: the fit before.
+        removed: index of the term.
+    """
+    others = [term for j, term in enumerate(terms) if j != removed]
+    try:
+        fitted = JointFit(given, others).minimise(
+            point.states,
+            np.delete(point.coefficients, removed),
+            VIOLATIONS[-1],
+            ITERATIONS_AFTER_REMOVAL,
+        )
+    except ArithmeticError:
+        return None
+    return others, fitted
 
 
 def needs(point: Point) -> Array:
