@@ -33,7 +33,8 @@ LORENZ = {
 }
 
 
-def test_no_law_of_a_few_terms_forecasts_the_record_and_one_of_seven_does(tmp_path: Path) -> None:
+def recorded(path: Path) -> None:
+    """Write noisy readings of all three states."""
     times = np.linspace(0, 6, 401)
     exact = solve_ivp(
         lambda t, u: [10 * (u[1] - u[0]), u[0] * (28 - u[2]) - u[1], u[0] * u[1] - 8 / 3 * u[2]],
@@ -45,7 +46,11 @@ def test_no_law_of_a_few_terms_forecasts_the_record_and_one_of_seven_does(tmp_pa
     ).y
     noise = np.random.default_rng(5).normal(0, 0.5, exact.shape)
     table = np.column_stack([times, *(exact + noise)])
-    np.savetxt(tmp_path / "readings.csv", table, delimiter=",", header="time,x,y,z", comments="")
+    np.savetxt(path, table, delimiter=",", header="time,x,y,z", comments="")
+
+
+def test_no_law_of_a_few_terms_forecasts_the_record_and_one_of_seven_does(tmp_path: Path) -> None:
+    recorded(tmp_path / "readings.csv")
     (tmp_path / "case.yaml").write_text(TEXT)
     problem = build_problem(load_config([f"conf={tmp_path / 'case.yaml'}"], entry="test"))
     found = search_library(problem, simulate_nominal(problem, {}))
