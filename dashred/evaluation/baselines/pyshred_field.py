@@ -69,8 +69,7 @@ def pyshred_recommended(problem: Problem, ensemble: Ensemble) -> Estimate:
         problem: the recording.
         ensemble: plain simulations over the fit window.
     """
-    trained = _train(problem, ensemble, RECOMMENDED)
-    return Estimate(trained.field(_filled(problem.split.fit.values)), None, trained.note())
+    return _estimate(problem, _train(problem, ensemble, RECOMMENDED))
 
 
 def pyshred_tuned(problem: Problem, ensemble: Ensemble) -> Estimate:
@@ -81,8 +80,7 @@ def pyshred_tuned(problem: Problem, ensemble: Ensemble) -> Estimate:
         ensemble: plain simulations over the fit window.
     """
     all_trained = [_train(problem, ensemble, setting) for setting in TUNED]
-    best = min(all_trained, key=lambda trained: trained.test_error())
-    return Estimate(best.field(_filled(problem.split.fit.values)), None, best.note())
+    return _estimate(problem, min(all_trained, key=lambda trained: trained.test_error()))
 
 
 @dataclass(frozen=True)
@@ -123,6 +121,11 @@ class _Trained:
         size = f"{self.setting.lags} lags, {self.setting.modes} modes"
         readings = f"{'noisy' if self.setting.noisy else 'exact'} readings"
         return f"{size}, {readings}, {self.epochs} epochs, pyshred {version('pyshred')}"
+
+
+def _estimate(problem: Problem, trained: _Trained) -> Estimate:
+    """Return the field that a network reconstructs from the recording."""
+    return Estimate(trained.field(_filled(problem.split.fit.values)), None, trained.note())
 
 
 def _train(problem: Problem, ensemble: Ensemble, setting: Setting) -> _Trained:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -138,3 +138,18 @@ class MadeCase:
     sensors: tuple[Sensor, ...]
     readings: Array
     truth: Truth
+
+
+def start_section(names: Iterable[str], start: Array, spread: Array) -> dict[str, Any]:
+    """Return the keys ``start`` and ``spread`` of a system without axes, rounded.
+
+    Args:
+        names: of the fields.
+        start: the stated start, ``(field,)``.
+        spread: its std, ``(field,)``.
+    """
+    fields = list(names)
+    return {
+        "start": {n: float(f"{v:.6g}") for n, v in zip(fields, start, strict=True)},
+        "spread": {n: float(f"{v:.4g}") for n, v in zip(fields, spread, strict=True)},
+    }

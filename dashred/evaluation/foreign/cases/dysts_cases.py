@@ -11,7 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dashred.evaluation.foreign.cases.case import Array, Case, MadeCase, Sensor, TrueTerm, Truth
+from dashred.evaluation.foreign.cases.case import (
+    Array,
+    Case,
+    MadeCase,
+    Sensor,
+    TrueTerm,
+    Truth,
+    start_section,
+)
 from dashred.evaluation.foreign.cases.dysts_systems import PolynomialSystem, polynomial_systems
 from dashred.evaluation.foreign.cases.polynomials import Monomial, evaluate, text_of
 
@@ -76,8 +84,7 @@ def make_dysts_case(case: Case) -> MadeCase:
             "title": f"{system.name} of dysts",
             "fields": {name: f"variable {name}" for name in names},
             "equations": simulator_equations(system, [(left_out.equation, left_out.monomial)]),
-            "start": {n: float(f"{v:.6g}") for n, v in zip(names, stated, strict=True)},
-            "spread": {n: float(f"{START_ERROR * v:.4g}") for n, v in zip(names, std, strict=True)},
+            **start_section(names, stated, START_ERROR * std),
             "integrator": {
                 "method": "rk4",
                 "dt": float(f"{times[1] / STEPS_PER_SAMPLE:.6g}"),

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from dashred.evaluation.foreign.cases.case import Array, Case, MadeCase, Sensor, Truth
+from dashred.evaluation.foreign.cases.case import (
+    Array,
+    Case,
+    MadeCase,
+    Sensor,
+    Truth,
+    start_section,
+)
 from dashred.evaluation.foreign.cases.mechanisms import MECHANISMS, Mechanism, Values
 from dashred.evaluation.foreign.cases.phases import Phase, integrate_phases
 from dashred.evaluation.foreign.cases.sensor_errors import draw_error
@@ -103,13 +110,11 @@ def _system(
     """Return the section ``system`` of the configuration."""
     spread = START_ERROR * states.std(axis=0)
     stated = states[0] + spread * rng.standard_normal(len(spread))
-    names = list(mechanism.fields)
     return {
         "title": mechanism.title,
         "fields": dict(mechanism.fields),
         "parameters": dict(known),
         "equations": dict(mechanism.equations),
-        "start": {n: float(f"{v:.6g}") for n, v in zip(names, stated, strict=True)},
-        "spread": {n: float(f"{v:.4g}") for n, v in zip(names, spread, strict=True)},
+        **start_section(mechanism.fields, stated, spread),
         "integrator": {"method": "rk4", "dt": float(f"{times[1] / STEPS_PER_SAMPLE:.6g}")},
     }

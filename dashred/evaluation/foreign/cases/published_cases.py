@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from dashred.evaluation.foreign.cases.case import Case, MadeCase, Sensor, TrueTerm, Truth
+from dashred.evaluation.foreign.cases.case import (
+    Case,
+    MadeCase,
+    Sensor,
+    TrueTerm,
+    Truth,
+    start_section,
+)
 from dashred.evaluation.foreign.cases.dysts_cases import START_ERROR, integrate, simulator_equations
 from dashred.evaluation.foreign.cases.field_cases import make_case_of_equation
 from dashred.evaluation.foreign.cases.polynomials import evaluate, monomials, text_of
@@ -53,8 +60,7 @@ def _make_lorenz_case(case: Case) -> MadeCase:
             "title": "Lorenz",
             "fields": {name: f"variable {name}" for name in names},
             "equations": simulator_equations(LORENZ, left_out),
-            "start": {n: float(f"{v:.6g}") for n, v in zip(names, stated, strict=True)},
-            "spread": {n: float(f"{START_ERROR * v:.4g}") for n, v in zip(names, std, strict=True)},
+            **start_section(names, stated, START_ERROR * std),
             "integrator": {"method": "rk4", "dt": LORENZ_INTERVAL / STEPS_PER_SAMPLE},
         },
         library={name: library for name in names},
