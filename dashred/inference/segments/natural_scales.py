@@ -95,17 +95,29 @@ def _read_rate(segments: Segments, values: Array, variances: Array) -> float:
 
     The slopes ``s_k`` between neighbouring samples contain the noise of both. Their mean square is
     taken less that of the noise. If σ is overestimated this is too small: the mean of
-    ``s_k s_(k+2)``, which have no sample in common, is then larger.
+    ``s_k s_(k+2)``, which have no sample in common, is then larger. Where noise hides the slopes
+    of neighbours, those between samples farther apart show more; they bound the rate from below.
 
     Args:
         segments: of the record.
         values: readings as values of the field, ``(segment, sample)``; NaN where missing.
         variances: σ² of each, ``(segment, sample)``.
     """
-    steps = np.diff(segments.times, axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slopes = np.where(steps > 0, np.diff(values, axis=1) / steps, np.nan)
-        noise = (variances[:, 1:] + variances[:, :-1]) / np.square(steps)
-    squares = (np.square(slopes) - noise, slopes[:, 2:] * slopes[:, :-2])
+    slopes, _ = _slopes(segments.times, values, variances, 1)
+    squares = [slopes[:, 2:] * slopes[:, :-2]]
+    lag = 1
+    while lag < values.shape[1]:
+        slopes, noise = _slopes(segments.times, values, variances, lag)
+        squares.append(np.square(slopes) - noise)
+        lag *= 2
     known = [float(np.mean(each[np.isfinite(each)])) for each in squares if np.isfinite(each).any()]
     return math.sqrt(max([0.0, *known]))
+
+
+def _slopes(times: Array, values: Array, variances: Array, lag: int) -> tuple[Array, Array]:
+    """Return slopes between samples so far apart, and the variance that noise gives them."""
+    steps = times[:, lag:] - times[:, :-lag]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slopes = np.where(steps > 0, (values[:, lag:] - values[:, :-lag]) / steps, np.nan)
+        noise = (variances[:, lag:] + variances[:, :-lag]) / np.square(steps)
+    return slopes, noise

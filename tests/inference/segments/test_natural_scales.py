@@ -1,4 +1,4 @@
-"""Natural scales of a field that is read through a function of it."""
+"""Natural scales of a field that is read through a function of it, or hidden by noise."""
 
 from __future__ import annotations
 
@@ -52,3 +52,21 @@ def test_an_equation_without_terms_has_the_rate_that_its_function_shows(
     [rate], [coefficient] = scales.rate, scales.coefficient
     assert rate == pytest.approx(K * unit * np.sqrt(np.mean(np.square(a))), rel=0.5)
     assert coefficient == pytest.approx(K * unit, rel=0.5)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_noise_that_hides_the_slopes_of_neighbours_leaves_a_rate(tmp_path: Path, seed: int) -> None:
+    """The noise between two neighbours is eight times as large as the change of a wave."""
+    system = laws.declared(tmp_path, FADING)
+    times, rng = np.linspace(0, 50, 2001), np.random.default_rng(seed)
+    readings = np.sin(times) + rng.normal(0, 0.1, times.shape)
+    segments = cut([times], [readings[:, None]])
+    scales = natural_scales(
+        SegmentSimulator([system], segments, 1),
+        StateSensors((Sensor("a", "a"),), system),
+        [laws.term(system, "a", "a")],
+        np.sin(segments.times[:, :1]),
+        np.full(1, np.sqrt(0.5)),
+        np.full(1, 0.1),
+    )
+    assert 0.4 < scales.rate[0] / np.sqrt(0.5) < 2.0

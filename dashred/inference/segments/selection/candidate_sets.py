@@ -69,3 +69,8 @@ def with_one(sets: Sequence[Set], extended: Sequence[bool]) -> list[Set]:
 def without_one(members: Set) -> list[Set]:
     """Return the sets with one candidate fewer, but for the empty one."""
     return [tuple(j for j in members if j != out) for out in members] if len(members) > 1 else []
+
+
+def exchanged(members: Set, extended: Sequence[bool]) -> list[Set]:
+    """Return the sets with one candidate in the place of another one."""
+    return [s for s in with_one(without_one(members), extended) if s != members]

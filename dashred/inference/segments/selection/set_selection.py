@@ -14,6 +14,7 @@ from dashred.inference.segments.selection.candidate_sets import (
     LARGEST,
     Set,
     beam_search,
+    exchanged,
     predict,
     profile,
     with_one,
@@ -32,6 +33,9 @@ STUCK = 10.0
 REFITTED, ROUNDS, LARGEST_WINNER = 8, 8, 8
 # Sets of up to so many candidates are reached by dropping one after the other from all of them.
 LARGEST_LAW = 12
+# About each of so many of the best laws, so many sets with one candidate exchanged are refitted, if
+# their predicted F is at most this much above that of the law, in s².
+NEAR, EXCHANGED, EXCHANGE_MARGIN = 3, 4, 10.0
 # How many sets of each size up to the largest are refitted about a winner of more candidates.
 SMALL_SETS = 3
 
@@ -89,7 +93,8 @@ def select(
     best = _ranked(problem, fits)[0]
     _refit_all(problem, best.fit.point, [(), *proposals], fits)
     if len(best.members) > LARGEST:
-        refit_small_sets(problem, best, fits)
+        refit_exchanged(problem, fits)
+        refit_small_sets(problem, _ranked(problem, fits)[0], fits)
     return _ranked(problem, fits)
 
 
@@ -118,6 +123,34 @@ def drop_needless(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> N
             fits[members] = fit
         if _ranked(problem, fits)[0].members != members:
             break
+
+
+def refit_exchanged(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> None:
+    """Refit sets that differ in one candidate from one of the best, until these stay.
+
+    Of many candidates several sets may fit about equally well. The sets of the search are near to
+    one of them; these are near to the others.
+
+    Args:
+        problem: F under which the sets are refitted.
+        fits: sets and their fits, updated.
+    """
+    seen: set[Set] = set()
+    while not problem.deadline.is_over:
+        near = [law for law in _ranked(problem, fits)[:NEAR] if law.members not in seen]
+        if not near:
+            break
+        law = near[0]
+        seen.add(law.members)
+        profiled = profile(problem, law.fit.point)
+        if profiled is None:
+            continue
+        costs = predict(profiled, exchanged(law.members, problem.is_extended))
+        level = problem.level([*costs.values(), *(fit.cost for fit in fits.values())])
+        best = sorted(costs, key=costs.__getitem__)[:EXCHANGED]
+        limit = law.fit.cost + EXCHANGE_MARGIN * level
+        sets = [members for members in best if members not in fits and costs[members] < limit]
+        _refit_all(problem, law.fit.point, sets, fits)
 
 
 def refit_small_sets(

@@ -22,6 +22,7 @@ from dashred.inference.segments.selection.set_selection import (
     SegmentLaw,
     drop_needless,
     refit,
+    refit_exchanged,
     term_price,
 )
 from dashred.inference.segments.steps.segment_simulator import SegmentSimulator
@@ -44,6 +45,16 @@ def test_the_missing_damping_is_found(convection: Convection, found: SegmentSear
     low, high = law.interval(0)
     assert low < -1.0 < high and high - low < 0.1
     assert found.level == pytest.approx(1.0, abs=0.25)
+
+
+def test_exchanging_one_candidate_leads_to_the_law(found: SegmentSearch) -> None:
+    [needed], point = found.best.members, found.best.fit.point
+    others = [j for j in range(found.problem.count) if j != needed]
+    for pair in (tuple(others[:2]), tuple(others[-2:])):
+        fits = {pair: refit(found.problem, point, pair)}
+        refit_exchanged(found.problem, fits)
+        best = min(fits, key=lambda members: fits[members].cost)
+        assert needed in best and len(best) == 2
 
 
 def test_candidates_that_are_not_needed_are_dropped_after_the_deadline(
