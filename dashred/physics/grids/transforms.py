@@ -1,6 +1,6 @@
-"""Real Fourier transforms over the axes of a grid, of NumPy arrays and of tensors.
+"""Fourier transforms over the axes of a grid, of NumPy arrays and of tensors.
 
-All of them are counted (:mod:`dashred.core.work`).
+All of them are counted (:mod:`dashred.core.work`), a complex one as two real ones.
 """
 
 from __future__ import annotations
@@ -45,6 +45,30 @@ def from_modes(modes: NDArray[np.complex128], shape: tuple[int, ...]) -> NDArray
     else:
         found = fft.irfftn(modes, s=shape, axes=tuple(range(-len(shape), 0)))
     _count(found.size, shape)
+    return found
+
+
+def to_full_modes(points: NDArray[Any], rank: int) -> NDArray[Any]:
+    """Return all modes ``(…, *grid)`` of complex values ``(…, *grid)`` with ``rank`` axes."""
+    found: Any
+    _count(2 * points.size, points.shape[-rank:])
+    axes = tuple(range(-rank, 0))
+    if points.size >= MIN_TORCH_SIZE:
+        found = torch.fft.fftn(torch.from_numpy(points), dim=axes).numpy()
+    else:
+        found = fft.fftn(points, axes=axes)
+    return found
+
+
+def from_full_modes(modes: NDArray[Any], rank: int) -> NDArray[Any]:
+    """Return the complex values ``(…, *grid)`` of all modes; the inverse of the above."""
+    found: Any
+    _count(2 * modes.size, modes.shape[-rank:])
+    axes = tuple(range(-rank, 0))
+    if modes.size >= MIN_TORCH_SIZE:
+        found = torch.fft.ifftn(torch.from_numpy(modes), dim=axes).numpy()
+    else:
+        found = fft.ifftn(modes, axes=axes)
     return found
 
 

@@ -1,6 +1,7 @@
 """Compiled loops over the columns of a sensitivity; each loop works on rows that fit in the cache.
 
-Columns are ``(field, column, mode)``, complex64 or complex128. The axes of a mode are flattened.
+Columns are ``(field, column, mode)``, complex64 or complex128: pairs of real columns
+(:mod:`.column_pairs`). The axes of a mode are flattened.
 """
 
 from __future__ import annotations
@@ -23,24 +24,26 @@ jit = numba.njit(
 
 @jit
 def apply_slopes(inputs: Real, slopes: Real, reads: Places, writes: Places, out: Real) -> None:
-    """Set ``δG_m = Σ_i ∂G_m/∂v_i δv_i``.
+    """Set ``δG_m = Σ_i ∂G_m/∂v_i δv_i``, for pairs of columns.
 
     Args:
-        inputs: δv, ``(input, column, point)``.
+        inputs: δv of both columns in turn, ``(input, pair, 2 point)``.
         slopes: ∂G/∂v, ``(slope, point)``.
         reads: index of the input of each slope.
         writes: index of the channel of each slope, sorted.
-        out: δG, ``(channel, column, point)``.
+        out: δG, ``(channel, pair, 2 point)``.
     """
-    for column in range(out.shape[1]):
+    for pair in range(out.shape[1]):
         for s in range(len(reads)):
-            v, g, slope = inputs[reads[s], column], out[writes[s], column], slopes[s]
+            v, g, slope = inputs[reads[s], pair], out[writes[s], pair], slopes[s]
             if s == 0 or writes[s] != writes[s - 1]:
-                for i in range(len(g)):
-                    g[i] = slope[i] * v[i]
+                for i in range(len(slope)):
+                    g[2 * i] = slope[i] * v[2 * i]
+                    g[2 * i + 1] = slope[i] * v[2 * i + 1]
             else:
-                for i in range(len(g)):
-                    g[i] += slope[i] * v[i]
+                for i in range(len(slope)):
+                    g[2 * i] += slope[i] * v[2 * i]
+                    g[2 * i + 1] += slope[i] * v[2 * i + 1]
 
 
 @jit
@@ -64,12 +67,13 @@ def gather_products(modes: Modes, factors: Modes, reads: Places, out: Modes) -> 
 
 
 @jit
-def add_rows(rows: Modes, places: Places, out: Modes) -> None:
-    """Add ``rows[r]`` to ``out[e, c]`` for each place ``(e, c, r)``."""
+def add_rows(rows: Modes, places: Places, factors: Modes, out: Modes) -> None:
+    """Add ``factors[p] rows[r]`` to ``out[e, c]`` for each place p ``(e, c, r)``."""
     for p in range(len(places)):
+        factor = factors[p]
         row, total = rows[places[p, 2]], out[places[p, 0], places[p, 1]]
         for k in range(len(total)):
-            total[k] += row[k]
+            total[k] += factor * row[k]
 
 
 @jit

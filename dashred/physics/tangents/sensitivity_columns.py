@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cache
 from typing import Any, NamedTuple
@@ -10,10 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.physics.expressions.algebra import Expr
-from dashred.physics.grids.transforms import from_modes, to_modes
+from dashred.physics.grids.transforms import from_full_modes, to_full_modes
 from dashred.physics.solvers.compiled.step import STAGES
 from dashred.physics.solvers.schedule import Step
 from dashred.physics.tangents import column_kernels as kernels
+from dashred.physics.tangents.column_pairs import (
+    ColumnPairs,
+    full_spectrum,
+    power_of_two,
+    size_of_modes,
+)
 from dashred.physics.tangents.semilinear_rhs import Modes, SemilinearTendency
 from dashred.physics.tangents.sources import Sources
 
@@ -58,75 +65,105 @@ class SensitivityIntegrator:
         channels, self._writes = renumber([channel for channel, _, _ in result])
         inputs, self._reads = renumber([place for _, place, _ in result])
         self._fields = tendency.inputs.fields[inputs]
-        self._multipliers = self._flat(tendency.inputs.multipliers[inputs])
-        self._channel_symbols = self._flat(tendency.channel_symbols[channels])
+        self._multipliers = self._symbols(tendency.inputs.multipliers[inputs])
+        self._channel_symbols = self._symbols(tendency.channel_symbols[channels])
         self._channel_equations = np.array(tendency.channel_equations, dtype=int)[channels]
         couplings = [symbol for _, _, symbol in tendency.couplings]
-        self._couplings = self._flat(np.array(couplings).reshape(-1, *tendency.mask.shape))
+        self._couplings = self._symbols(np.array(couplings))
         pairs = [(equation, field) for equation, field, _ in tendency.couplings]
         self._coupled = np.array(pairs, dtype=int).reshape(-1, 2).T.copy()
-        self._coefficients = cache(
-            lambda h: np.array([self._flat(c) for c in tendency.coefficients(h)])
+        self.mask = self.full(tendency.mask[None])[0].real
+        self.coefficients = cache(
+            lambda h: np.array([self._symbols(c) for c in tendency.coefficients(h)])
         )
 
-    def advance(
-        self, steps: Sequence[Step], modes: Modes, chunk: range, block: StageBlock
-    ) -> tuple[Modes, list[Real]]:
-        """Integrate some columns over a block of steps.
+    def begin(self, points: Real, chunk: range, block: StageBlock, span: float) -> Chunk:
+        """Return some columns at the first time.
+
+        Args:
+            points: their values, ``(field, column, *grid)``.
+            chunk: their indices.
+            block: data of the reference trajectory over the first steps.
+            span: duration of these steps.
+        """
+        sources = self.sources
+        shifts, drives = (select_columns(p, chunk) for p in (sources.shifts, sources.drives))
+        axes = (0, *range(2, points.ndim))
+        sizes = np.sqrt(np.square(points.astype(np.float64)).mean(axis=axes))
+        rows = size_of_modes(block.rows).max(axis=0)
+        np.maximum.at(sizes, drives[:, 1], span * rows[drives[:, 2]])
+        symbols = self.full(sources.symbols)
+        for equation, column, i in shifts.tolist():
+            changed = size_of_modes(symbols[i] * block.shifts[:, equation])
+            sizes[column] = max(sizes[column], changed.max())
+        return Chunk(self, ColumnPairs(power_of_two(sizes), self.shape), points, drives, shifts)
+
+    def full(self, modes: Modes) -> Modes:
+        """Complete modes ``(…, *modes)`` and flatten their axes, in the columns' precision."""
+        full = full_spectrum(modes.astype(self.dtype, copy=False), self.shape)
+        return full.reshape(*full.shape[: full.ndim - len(self.shape)], math.prod(self.shape))
+
+    def _symbols(self, symbols: Modes) -> Modes:
+        """Complete symbols ``(item, …, *modes)`` and flatten them to ``(item, mode)``."""
+        return self.full(symbols.reshape(len(symbols), *self.tendency.mask.shape))
+
+
+class Chunk:
+    """Columns that are integrated together, in pairs, with their work arrays.
+
+    Args:
+        integrator: of all columns.
+        pairs: of these columns.
+        points: their values at the first time, ``(field, column, *grid)``.
+        drives: places of the rows of sources among them, ``(source, 3)``.
+        shifts: places of the linear terms among them, ``(source, 3)``.
+    """
+
+    def __init__(
+        self,
+        integrator: SensitivityIntegrator,
+        pairs: ColumnPairs,
+        points: Real,
+        drives: NDArray[np.int64],
+        shifts: NDArray[np.int64],
+    ) -> None:
+        self.integrator, self.pairs = integrator, pairs
+        self.drives, factors = pairs.places(drives)
+        self.factors = factors.astype(integrator.dtype)
+        self.shifts, factors = pairs.places(shifts)
+        symbols = integrator.full(integrator.sources.symbols)[self.shifts[:, 2]]
+        self.symbols = (symbols * factors[:, None]).astype(integrator.dtype)
+        fields, size = len(points), math.prod(integrator.shape)
+        memory = np.empty((5, fields, pairs.count, size), dtype=integrator.dtype)
+        self.n, self.linear, self.rest, self.end, self.stage = memory
+        inputs = len(integrator._fields), pairs.count, size
+        self.spectra = np.empty(inputs, dtype=integrator.dtype)
+        channels = len(integrator._channel_equations), pairs.count, size
+        self.channels = np.empty(channels, dtype=integrator.dtype)
+        modes = pairs.to_modes(points).reshape(self.n.shape)
+        self.modes: Modes = modes * integrator.mask
+
+    def advance(self, steps: Sequence[Step], block: StageBlock) -> list[Real]:
+        """Integrate over a block of steps.
 
         Args:
             steps: the time steps.
-            modes: modes of the columns, ``(field, column, *modes)``.
-            chunk: indices of the columns.
             block: data of the reference trajectory.
 
         Returns:
-            The final modes and the columns at output times, ``(field, column, *grid)``.
+            The columns at output times, ``(field, column, *grid)``.
         """
-        work = _Chunk(self, modes.shape, chunk)
         outputs = []
         for i, step in enumerate(steps):
-            if step.begins:
-                modes = self.in_modes(from_modes(modes, self.shape))
-            modes = work.step(modes, self._coefficients(step.h), block, STAGES * i)
+            self.modes = self._step(self.integrator.coefficients(step.h), block, STAGES * i)
             if step.ends:
-                outputs.append(from_modes(modes, self.shape))
-        return modes, outputs
+                shape = *self.n.shape[:2], *self.integrator.shape
+                outputs.append(self.pairs.to_points(self.modes.reshape(shape)))
+        return outputs
 
-    def in_modes(self, points: Real) -> Modes:
-        """Return the modes of columns ``(field, column, *grid)``."""
-        mask = self.tendency.mask.astype(points.dtype)
-        result: Modes = to_modes(points, len(self.shape)) * mask
-        return result
-
-    def _flat(self, symbols: Modes) -> Modes:
-        """Flatten symbols ``(item, …, *modes)`` to ``(item, mode)``."""
-        return symbols.reshape(len(symbols), self.tendency.mask.size).astype(self.dtype)
-
-
-class _Chunk:
-    """Columns that are integrated together, with their work arrays."""
-
-    def __init__(
-        self, integrator: SensitivityIntegrator, shape: tuple[int, ...], chunk: range
-    ) -> None:
-        self.integrator, self.shape = integrator, shape
-        sources = integrator.sources
-        symbols = sources.symbols.reshape(len(sources.symbols), integrator.tendency.mask.size)
-        self.shifts = select_columns(sources.shifts, chunk)
-        self.symbols = symbols[self.shifts[:, 2]].astype(integrator.dtype)
-        self.drives = select_columns(sources.drives, chunk)
-        fields, columns, size = shape[0], shape[1], integrator.tendency.mask.size
-        memory = np.empty((5, fields, columns, size), dtype=integrator.dtype)
-        self.n, self.linear, self.rest, self.end, self.stage = memory
-        self.spectra = np.empty((len(integrator._fields), columns, size), dtype=integrator.dtype)
-        real = np.empty(0, dtype=integrator.dtype).real.dtype
-        points = int(np.prod(integrator.shape))
-        self.channels = np.empty((len(integrator._channel_equations), columns, points), dtype=real)
-
-    def step(self, modes: Modes, step: Modes, block: StageBlock, at: int) -> Modes:
+    def _step(self, step: Modes, block: StageBlock, at: int) -> Modes:
         """Return the columns after the step whose first stage has index ``at`` in the block."""
-        u = np.ascontiguousarray(modes).reshape(self.n.shape)
+        u = self.modes
         _, _, q, _, middle, last = step
         self._tendency(u, block, at)
         kernels.first_stage(u, self.n, step, self.linear, self.rest, self.end, self.stage)
@@ -141,7 +178,7 @@ class _Chunk:
         result = np.empty_like(u)
         kernels.last_stage(self.end, self.n, last, result)
         self._shift(result, block, at + 3)
-        return result.reshape(self.shape)
+        return result
 
     def _shift(self, modes: Modes, block: StageBlock, at: int) -> None:
         kernels.add_shifts(self.symbols, block.shifts[at], self.shifts, modes)
@@ -158,18 +195,24 @@ class _Chunk:
             )
         equations, fields = integrator._coupled
         kernels.add_products(integrator._couplings, modes, fields, equations, self.n)
-        kernels.add_rows(block.rows[at], self.drives, self.n)
+        kernels.add_rows(block.rows[at], self.drives, self.factors, self.n)
 
     def _channels(self, modes: Modes, slopes: Real) -> Modes:
         """Return δG in modes, ``(channel, column, mode)``."""
         integrator = self.integrator
         kernels.gather_products(modes, integrator._multipliers, integrator._fields, self.spectra)
-        inputs = from_modes(self.spectra.reshape(-1, *self.shape[1:]), integrator.shape)
-        flat = inputs.reshape(*inputs.shape[:2], -1)
-        kernels.apply_slopes(flat, slopes, integrator._reads, integrator._writes, self.channels)
-        channels = self.channels.reshape(*self.channels.shape[:2], *integrator.shape)
-        hats = to_modes(channels, len(integrator.shape))
+        grid = integrator.shape
+        inputs = from_full_modes(self.spectra.reshape(-1, *self.n.shape[1:2], *grid), len(grid))
+        parts = (_both_parts(each.reshape(*each.shape[:2], -1)) for each in (inputs, self.channels))
+        values, channels = parts
+        kernels.apply_slopes(values, slopes, integrator._reads, integrator._writes, channels)
+        hats = to_full_modes(self.channels.reshape(*self.channels.shape[:2], *grid), len(grid))
         return hats.reshape(*hats.shape[:2], -1)
+
+
+def _both_parts(values: Modes) -> Real:
+    """Return real and imaginary parts in turn, ``(…, 2 point)``; the same memory."""
+    return values.view(values.real.dtype)
 
 
 def slopes_of(tendency: SemilinearTendency) -> list[tuple[int, int, Expr]]:

@@ -35,7 +35,11 @@ from dashred.physics.tangents.reference_trajectory import (
     in_modes,
 )
 from dashred.physics.tangents.semilinear_rhs import Modes, SemilinearTendency
-from dashred.physics.tangents.sensitivity_columns import SensitivityIntegrator, StageBlock
+from dashred.physics.tangents.sensitivity_columns import (
+    Chunk,
+    SensitivityIntegrator,
+    StageBlock,
+)
 from dashred.physics.tangents.sources import Sources
 
 POINTS_AT_ONCE = 2**12
@@ -132,17 +136,20 @@ def tangent_linear(
     inside = slice(chosen.start - first, chosen.stop - first)
     modes = in_modes(start.cpu().numpy()[:, None], tendency)
     by_field = tangents.cpu().numpy().swapaxes(0, 1)
-    columns = [model.columns.in_modes(by_field[:, c.start : c.stop]) for c in chunks]
+    columns: list[Chunk] = []
     steps_at_once = max(1, POINTS_AT_ONCE // (STAGES * start[0].numel()))
     for steps in _blocks(schedule(times.tolist(), system.dt, system.jumps), steps_at_once):
         # A blow-up shows as non-finite values, not as a warning.
         with np.errstate(all="ignore"):
             modes, states, stages = reference.advance(steps, modes)
             block = model.evaluate(steps, stages)
+        if not columns:
+            span = steps[-1].last - steps[0].first
+            columns = [
+                model.columns.begin(by_field[:, c.start : c.stop], c, block, span) for c in chunks
+            ]
         result = torch.zeros((len(states), last - first, *start.shape), dtype=dtype)
-        advance_chunk = partial(
-            _advance_chunk, model.columns, steps, chunks, block, columns, result
-        )
+        advance_chunk = partial(_advance_chunk, columns, chunks, steps, block, result)
         for _ in in_threads(advance_chunk, len(chunks)):
             pass
         for state, out in zip(states, result, strict=True):
@@ -155,18 +162,17 @@ def columns_together(values: int) -> int:
 
 
 def _advance_chunk(
-    integrator: SensitivityIntegrator,
-    steps: Sequence[Step],
+    columns: Sequence[Chunk],
     chunks: Sequence[range],
+    steps: Sequence[Step],
     block: StageBlock,
-    columns: list[Modes],
     result: Tensor,
     index: int,
 ) -> None:
     """Integrate one chunk of the columns and write its values at output times to ``result``."""
     chunk = chunks[index]
     with np.errstate(all="ignore"):
-        columns[index], outputs = integrator.advance(steps, columns[index], chunk, block)
+        outputs = columns[index].advance(steps, block)
     first = chunks[0].start
     for out, points in zip(result, outputs, strict=True):
         out[chunk.start - first : chunk.stop - first] = torch.from_numpy(points).transpose(0, 1)
@@ -192,10 +198,11 @@ class _LinearisedSystem:
         result = self.program(values, (count, *tendency.inputs.shape))
         slopes, bodies = np.split(result, [len(self.columns.slopes)])
         rows = self.sources(bodies, modes, times, self.dtype)
+        full = self.columns.full
         return StageBlock(
             _by_stage(slopes).astype(self.dtype),
-            _by_stage(rows),
-            _by_stage(self.shifts(steps, stages)).astype(self.columns.dtype),
+            _by_stage(full(rows)),
+            _by_stage(full(self.shifts(steps, stages))),
         )
 
 

@@ -66,9 +66,9 @@ def test_columns(front: System, terms: tuple[Term, ...]) -> None:
     trajectory_made = STEPS * STAGES * (3 + 1) + SAMPLES * 3 + 1
     # Each stage: the derivatives of u to the grid for the slopes, u for the source, and u² back.
     stages_made = STEPS * STAGES * (2 + 1 + 1)
-    # Each stage: the derivatives of the column to the grid, and one channel back. Each sample: to
-    # the grid and back before its first step, and to the grid after its last one.
-    columns_made = 5 * (STEPS * STAGES * (2 + 1) + SAMPLES * 3 + 1)
+    # The five columns are three pairs; a pair counts as two. Each stage: the derivatives of the
+    # column to the grid, and one channel back. Each sample: to the grid. At the start: to modes.
+    columns_made = 6 * (STEPS * STAGES * (2 + 1) + SAMPLES + 1)
     made = trajectory_made + stages_made + columns_made
     assert _added(before) == (made, made * POINTS)
 

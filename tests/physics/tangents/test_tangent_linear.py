@@ -142,6 +142,20 @@ def test_single_precision_is_close(case):
         assert relative(found[:, column].double(), exact[:, column]) < 1e-4
 
 
+def test_single_precision_is_close_for_columns_of_any_size(case):
+    """Columns are integrated in pairs: a large one must not blur a small one."""
+    system, forcing, sources = case
+    sizes = torch.tensor([1e-6, 1.0, 1e6], dtype=torch.float64)
+    moved = directions(system) * sizes.reshape(-1, *(1,) * (directions(system).dim() - 1))
+    start, found = nominal_start(system)[0], {}
+    for dtype in (torch.float32, torch.float64):
+        columns = tangent_linear(system, start, moved, TIMES, forcing, sources, dtype)
+        found[dtype] = torch.stack([each for _, each in columns]).double()
+    for column in range(found[torch.float32].shape[1]):
+        rough, exact = (found[dtype][:, column] for dtype in (torch.float32, torch.float64))
+        assert relative(rough, exact) < 1e-4
+
+
 def test_chunks_of_steps_and_columns_change_nothing(case, monkeypatch):
     system, forcing, sources = case
     states, whole = jacobian(system, forcing, sources)

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.slow
 
 
 def test_all_seven_terms_of_the_lorenz_system_are_told(train: Any, tmp_path: Path) -> None:
-    recorded(tmp_path / "readings.csv")
+    recorded(tmp_path / "readings.csv", 0.5)
     (tmp_path / "case.yaml").write_text(TEXT + SMALL)
     words = (f"conf={tmp_path / 'case.yaml'}", f"recording.path={tmp_path / 'readings.csv'}")
     found = findings_of(train(*words))

@@ -1,0 +1,131 @@
+"""Two real columns of a sensitivity as one complex column: its real and its imaginary part.
+
+The linearised equations are real, so they advance both parts independently. A complex transform of
+half as many columns is several times as fast as the real transforms of all of them.
+
+Rounding errors of one part reach the other. The columns are scaled to similar size, so that these
+errors are those of single precision for both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dashred.physics.grids.transforms import from_full_modes, to_full_modes
+
+Real = NDArray[Any]
+Modes = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class ColumnPairs:
+    """Which columns form pairs, and their scales. An odd number is completed by a column of zeros.
+
+    Attributes:
+        scales: the size to which each column is divided, ``(column,)``; powers of two.
+        shape: of the grid.
+    """
+
+    scales: Real
+    shape: tuple[int, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of pairs."""
+        return (len(self.scales) + 1) // 2
+
+    def to_modes(self, points: Real) -> Modes:
+        """Return the full spectra of columns.
+
+        Args:
+            points: columns on the grid, ``(field, column, *grid)``.
+
+        Returns:
+            ``(field, pair, *grid)``.
+        """
+        rank = len(self.shape)
+        parts = np.zeros((len(points), self.count, *self.shape, 2), dtype=points.dtype)
+        scaled = points / self._per_column(points.dtype)
+        parts[..., 0] = scaled[:, 0::2]
+        parts[:, : points.shape[1] // 2, ..., 1] = scaled[:, 1::2]
+        pairs = parts.view(np.result_type(points.dtype, np.complex64))[..., 0]
+        return to_full_modes(pairs, rank)
+
+    def to_points(self, modes: Modes) -> Real:
+        """Return the columns on the grid, ``(field, column, *grid)``; the inverse of the above."""
+        pairs = from_full_modes(modes, len(self.shape))
+        points = np.empty((len(pairs), 2 * self.count, *self.shape), dtype=pairs.real.dtype)
+        points[:, 0::2], points[:, 1::2] = pairs.real, pairs.imag
+        found = points[:, : len(self.scales)]
+        found *= self._per_column(found.dtype)
+        return found
+
+    def places(self, places: NDArray[np.int64]) -> tuple[NDArray[np.int64], Modes]:
+        """Return the places of sources in pairs, and the factors of the sources there.
+
+        Args:
+            places: ``(equation, column, index)`` of each source, ``(source, 3)``.
+
+        Returns:
+            ``(equation, pair, index)``, ``(source, 3)``; and the factors, ``(source,)``.
+        """
+        equations, columns, indices = places.T
+        factors = np.where(columns % 2, 1j, 1.0) / self.scales[columns]
+        return np.column_stack([equations, columns // 2, indices]), factors
+
+    def _per_column(self, dtype: Any) -> Real:
+        return self.scales.astype(dtype).reshape(1, -1, *(1,) * len(self.shape))
+
+
+def power_of_two(sizes: Real) -> Real:
+    """Return the powers of two next to some sizes; for a size without a value, the median one.
+
+    Args:
+        sizes: ``(column,)``; a column that is zero or not finite has none.
+    """
+    known = (sizes > 0) & np.isfinite(sizes)
+    typical = float(np.median(sizes[known])) if known.any() else 1.0
+    exponents = np.round(np.log2(np.where(known, sizes, typical)))
+    # Also the reciprocal must be a number in single precision.
+    found: Real = np.exp2(np.clip(exponents, -60, 60))
+    return found
+
+
+def full_spectrum(half: Modes, shape: tuple[int, ...]) -> Modes:
+    """Return all modes of real fields, given those that a real transform keeps.
+
+    Symbols of operators are completed in the same way. A mode that is its own mirror image gets
+    the mean of itself and its conjugate, as a real transform takes it.
+
+    Args:
+        half: ``(…, *modes)``.
+        shape: of the grid.
+
+    Returns:
+        ``(…, *grid)``.
+    """
+    last, kept = shape[-1], half.shape[-1]
+    full = np.empty((*half.shape[:-1], last), dtype=half.dtype)
+    full[..., :kept] = half
+    axes = tuple(range(half.ndim - len(shape), half.ndim - 1))
+    # The mirror image of index k is -k: index 0 stays, the others are reversed.
+    count = last - kept
+    np.conjugate(_reversed(half[..., count:0:-1], axes), out=full[..., kept:])
+    own = [0, last // 2] if last % 2 == 0 else [0]
+    full[..., own] = (half[..., own] + np.conj(_reversed(half[..., own], axes))) / 2
+    return full
+
+
+def _reversed(values: Modes, axes: tuple[int, ...]) -> Modes:
+    """Return the values with index -k in the place of k along some axes."""
+    return np.roll(np.flip(values, axes), 1, axes) if axes else values
+
+
+def size_of_modes(modes: Modes) -> Real:
+    """Return the rms on the grid of fields, given all modes ``(…, mode)``."""
+    found: Real = np.sqrt(np.square(np.abs(modes)).sum(axis=-1)) / modes.shape[-1]
+    return found

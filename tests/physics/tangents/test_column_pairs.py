@@ -1,0 +1,68 @@
+"""Pairs of real columns as complex ones: all modes, their scales and their places."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dashred.physics.tangents.column_pairs import (
+    ColumnPairs,
+    full_spectrum,
+    power_of_two,
+    size_of_modes,
+)
+
+SHAPES = [(8,), (9,), (6, 8), (5, 6), (6, 9)]
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_all_modes_of_real_fields_follow_from_half_of_them(shape: tuple[int, ...]) -> None:
+    fields = np.random.default_rng(1).normal(size=(2, 3, *shape))
+    axes = tuple(range(2, 2 + len(shape)))
+    expected = np.fft.fftn(fields, axes=axes)
+    found = full_spectrum(np.fft.rfftn(fields, axes=axes), shape)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    rms = np.sqrt(np.square(fields).mean(axis=axes))
+    np.testing.assert_allclose(size_of_modes(found.reshape(2, 3, -1)), rms)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_completed_symbol_has_the_effect_of_the_real_transform(shape: tuple[int, ...]) -> None:
+    """Also for an odd derivative of the highest mode, which a real transform leaves out."""
+    rng, axes = np.random.default_rng(2), tuple(range(len(shape)))
+    field = rng.normal(size=shape)
+    half = np.fft.rfftn(field)
+    symbol = rng.normal(size=half.shape) + 1j * rng.normal(size=half.shape)
+    expected = np.fft.irfftn(symbol * half, s=shape, axes=axes)
+    both = np.fft.ifftn(full_spectrum(symbol * half, shape))
+    np.testing.assert_allclose(both.real, expected, atol=1e-12)
+    np.testing.assert_allclose(both.imag, 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_columns_return_from_their_modes(shape: tuple[int, ...], count: int) -> None:
+    sizes = 10.0 ** np.arange(-6, 3 * count - 6, 3)
+    points = np.random.default_rng(3).normal(size=(2, count, *shape))
+    points *= sizes.reshape(-1, *(1,) * len(shape))
+    pairs = ColumnPairs(power_of_two(sizes), shape)
+    modes = pairs.to_modes(points.astype(np.float32))
+    assert modes.shape == (2, (count + 1) // 2, *shape) and modes.dtype == np.complex64
+    found = pairs.to_points(modes)
+    assert found.dtype == np.float32
+    # Each column keeps single precision, though its partner is a thousand times as large.
+    errors = np.abs(found - points).max(axis=(0, *range(2, points.ndim)))
+    assert (errors < 1e-6 * sizes).all()
+
+
+def test_the_place_of_a_source_is_that_of_its_column() -> None:
+    pairs = ColumnPairs(np.array([2.0, 4.0, 0.5]), (4,))
+    places, factors = pairs.places(np.array([[0, 0, 7], [1, 1, 8], [0, 2, 9]]))
+    np.testing.assert_array_equal(places, [[0, 0, 7], [1, 0, 8], [0, 1, 9]])
+    np.testing.assert_array_equal(factors, [0.5, 0.25j, 2.0])
+
+
+def test_scales_are_powers_of_two_and_the_median_for_a_column_of_zeros() -> None:
+    found = power_of_two(np.array([3.0, 0.0, 1e-3, np.inf, 1e30]))
+    np.testing.assert_array_equal(found, [4.0, 4.0, 2.0**-10, 4.0, 2.0**60])
+    np.testing.assert_array_equal(power_of_two(np.zeros(2)), [1.0, 1.0])
