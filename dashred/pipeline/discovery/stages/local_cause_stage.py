@@ -31,7 +31,7 @@ from dashred.inference.hypotheses.sensors.early_fault import find_early_fault
 from dashred.inference.hypotheses.sources.early_source import find_early_source
 from dashred.inference.hypotheses.sources.find_source import FoundSource, refit_source
 from dashred.inference.hypotheses.sources.source_law import fit_source_law
-from dashred.inference.hypotheses.terms_everywhere import best_terms_everywhere
+from dashred.inference.hypotheses.terms_everywhere import best_terms_everywhere, follow_beyond
 from dashred.inference.hypotheses.windows.early_window import find_early_window
 from dashred.physics.runs.tendency_size import tendency_size
 from dashred.pipeline.discovery.explained_record import is_record_explained
@@ -109,6 +109,7 @@ def _find_local_cause(
     objective = replace(objective, deadline=problem.deadline("look for a local cause"))
     exact = objective.subset(())
     null = replace(exact, forward_model=replace(exact.forward_model, simulator=simulator))
+    law = replace(objective, forward_model=replace(objective.forward_model, simulator=simulator))
     count = len(objective.prior_std)
     for part in islice(first_parts(null, guess.z, first_samples(null), size), MAX_PARTS):
         everywhere = best_terms_everywhere(objective, part)
@@ -119,6 +120,8 @@ def _find_local_cause(
         source = find_early_source(null, part, size, everywhere, count, report)
         if source is not None:
             return _source_with_own_noise(replace(exact, deadline=NEVER), nominal, source, size)
+        if everywhere.explain and follow_beyond(law, part, everywhere):
+            return None
         # Windows take seconds to compile. A longer part may tell them from terms everywhere.
         if not everywhere.explain:
             local = with_windows(problem, nominal, objective)

@@ -93,7 +93,7 @@ def test_no_source_is_fitted_where_better_terms_explain(channel: Channel) -> Non
     null = channel.objective(channel.recorded([(bump_times(channel, "1"), HEIGHT)]))
     part = first_part(channel, null)
     assert part is not None
-    better = TermsEverywhere(0.0, null.noise.count)
+    better = TermsEverywhere(0.0, null.noise.count, (0,), torch.zeros(1))
     late = replace(part, null=replace(part.null, deadline=Deadline(-math.inf)))
     assert find_early_source(null, late, channel.size, better, 4, lambda share, text: None) is None
 
