@@ -26,7 +26,7 @@ class ColumnPairs:
     """Which columns form pairs, and their scales. An odd number is completed by a column of zeros.
 
     Attributes:
-        scales: the size to which each column is divided, ``(column,)``; powers of two.
+        scales: what each column is divided by, ``(column,)``; powers of two.
         shape: of the grid.
     """
 

@@ -46,6 +46,9 @@ class SensitivityIntegrator:
 
     Attributes:
         slopes: the expressions ∂G/∂v, in the order of ``StageBlock.slopes``.
+        linear_terms: symbols of the sources that change L, ``(term, mode)``.
+        mask: of the 2/3 rule, ``(mode,)``.
+        coefficients: of ETDRK4 for a step length, ``(coefficient, field, mode)``; cached.
 
     Args:
         tendency: L and N of the equations.
@@ -73,6 +76,7 @@ class SensitivityIntegrator:
         pairs = [(equation, field) for equation, field, _ in tendency.couplings]
         self._coupled = np.array(pairs, dtype=int).reshape(-1, 2).T.copy()
         self.mask = self.full(tendency.mask[None])[0].real
+        self.linear_terms = self.full(sources.symbols)
         self.coefficients = cache(
             lambda h: np.array([self._symbols(c) for c in tendency.coefficients(h)])
         )
@@ -92,9 +96,8 @@ class SensitivityIntegrator:
         sizes = np.sqrt(np.square(points.astype(np.float64)).mean(axis=axes))
         rows = size_of_modes(block.rows).max(axis=0)
         np.maximum.at(sizes, drives[:, 1], span * rows[drives[:, 2]])
-        symbols = self.full(sources.symbols)
         for equation, column, i in shifts.tolist():
-            changed = size_of_modes(symbols[i] * block.shifts[:, equation])
+            changed = size_of_modes(self.linear_terms[i] * block.shifts[:, equation])
             sizes[column] = max(sizes[column], changed.max())
         return Chunk(self, ColumnPairs(power_of_two(sizes), self.shape), points, drives, shifts)
 
@@ -131,7 +134,7 @@ class Chunk:
         self.drives, factors = pairs.places(drives)
         self.factors = factors.astype(integrator.dtype)
         self.shifts, factors = pairs.places(shifts)
-        symbols = integrator.full(integrator.sources.symbols)[self.shifts[:, 2]]
+        symbols = integrator.linear_terms[self.shifts[:, 2]]
         self.symbols = (symbols * factors[:, None]).astype(integrator.dtype)
         fields, size = len(points), math.prod(integrator.shape)
         memory = np.empty((5, fields, pairs.count, size), dtype=integrator.dtype)
