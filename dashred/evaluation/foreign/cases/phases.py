@@ -85,9 +85,9 @@ def integrate_phases(
         if not solved.success:
             raise ArithmeticError(f"the truth cannot be integrated: {solved.message}")
         ended = float(solved.t[-1])
-        inside = (times >= now) & (times <= ended)
-        states[inside] = solved.sol(times[inside]).T
-        for i in np.flatnonzero(inside):
+        # A short phase may have no sample.
+        for i in np.flatnonzero((times >= now) & (times <= ended)):
+            states[i] = solved.sol(times[i])
             lacking[i] = phase.lacking(times[i], states[i])
         if solved.status != 1:
             return states, lacking

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from dashred.evaluation.foreign.cases.mechanisms import MECHANISMS
@@ -35,6 +37,25 @@ def test_a_ball_that_falls_and_stays_down() -> None:
     )
     np.testing.assert_allclose(states[:, 0], np.maximum(1 - times**2, 0), atol=1e-7)
     assert (lacking[times < 0.99, 1] == -2.0).all() and (lacking[times > 1.01, 1] == 0.0).all()
+
+
+def test_a_phase_between_two_samples() -> None:
+    """A particle moves at speed 1, 3 for a hundredth of a second, and 1 again."""
+    phases = {
+        "first": Phase(lambda t, s: np.ones(1), (Exit(lambda t, s: t - 0.62, 1, _to("fast")),)),
+        "fast": Phase(lambda t, s: np.full(1, 3.0), (Exit(lambda t, s: t - 0.63, 1, _to("last")),)),
+        "last": Phase(lambda t, s: np.ones(1)),
+    }
+    times = np.linspace(0, 1, 11)
+    states, lacking = integrate_phases(
+        lambda t, s: np.zeros(1), phases, "first", np.zeros(1), times
+    )
+    np.testing.assert_allclose(states[:, 0], times + np.where(times > 0.63, 0.02, 0), atol=1e-8)
+    assert (lacking == 1).all()
+
+
+def _to(name: str) -> Callable[[float, np.ndarray], str]:
+    return lambda t, s: name
 
 
 def test_dry_friction_takes_the_same_from_every_half_swing_and_then_sticks() -> None:
