@@ -69,6 +69,11 @@ class ObservationOperator(nn.Module):
         """Number of dimensions of a field."""
         return len(self._system.grid.shape)
 
+    @property
+    def is_linear(self) -> bool:
+        """Whether every sensor reads a field, not a derived quantity."""
+        return all(sensor.reads in self._system.fields for sensor in self.sensors)
+
     def forward(
         self, state: Float[Tensor, "*dims"], t: float | Array = 0.0
     ) -> Float[Tensor, "*batch sensor"]:

@@ -90,6 +90,13 @@ def test_sensors_keep_their_order_whatever_they_read(ring):
     torch.testing.assert_close(seen, expected)
 
 
+def test_sensors_of_fields_are_linear_and_those_of_derived_quantities_are_not(ring):
+    fields = ObservationOperator([*sensors_at((0.2,)), *sensors_at((1.3,), reads="v")], ring)
+    assert fields.is_linear
+    derived = [*sensors_at((0.2,)), *sensors_at((1.3,), reads="speed")]
+    assert not ObservationOperator(derived, ring).is_linear
+
+
 def test_a_system_without_space_is_read_directly(ode):
     sensors = [Sensor("b", "v"), Sensor("a", "u"), Sensor("c", "speed")]
     read = ObservationOperator(sensors, ode)

@@ -143,11 +143,12 @@ def tangent_linear(
         with np.errstate(all="ignore"):
             modes, states, stages = reference.advance(steps, modes)
             block = model.evaluate(steps, stages)
-        if not columns:
-            span = steps[-1].last - steps[0].first
-            columns = [
-                model.columns.begin(by_field[:, c.start : c.stop], c, block, span) for c in chunks
-            ]
+            if not columns:
+                span = steps[-1].last - steps[0].first
+                columns = [
+                    model.columns.begin(by_field[:, c.start : c.stop], c, block, span)
+                    for c in chunks
+                ]
         result = torch.zeros((len(states), last - first, *start.shape), dtype=dtype)
         advance_chunk = partial(_advance_chunk, columns, chunks, steps, block, result)
         for _ in in_threads(advance_chunk, len(chunks)):

@@ -139,11 +139,14 @@ class TangentColumns:
             block: the columns.
             spread: largest change of the start; the scale of a state that is zero everywhere.
         """
+        read = self.sensors.parameters
+        chosen = [] if read is None else read.index(self.tendency.candidates)
+        if not chosen and self.sensors.operator.is_linear:
+            return self.sensors.observe(tangents).to(states).transpose(1, 2)
         moved, size = states_along(states, tangents, spread)
         states = states[:, None]
         difference = self.sensors.observe(moved) - self.sensors.observe(states)
-        read = self.sensors.parameters
-        if read is None or not (chosen := read.index(self.tendency.candidates)):
+        if read is None or not chosen:
             return (difference / size[..., None]).transpose(1, 2)
         own = [self.tendency.candidates[j] for j in chosen]
         times = self.times[sample : sample + len(states)]
