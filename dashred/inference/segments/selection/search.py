@@ -19,7 +19,12 @@ from dashred.inference.segments.gauss_newton import NodeFit, fit_nodes
 from dashred.inference.segments.natural_scales import NaturalScales
 from dashred.inference.segments.point import Point
 from dashred.inference.segments.selection.causes import Cause, Level
-from dashred.inference.segments.selection.set_selection import REFITTED, SegmentLaw, select
+from dashred.inference.segments.selection.set_selection import (
+    REFITTED,
+    SegmentLaw,
+    rank_laws,
+    select,
+)
 from dashred.inference.segments.selection.walk_choice import Walking
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 
@@ -138,6 +143,29 @@ def search_further(
     earlier = [law.members for law in found.laws[:REFITTED]]
     laws = select(problem, problem, begin, earlier)
     return replace(found, problem=problem, natural=natural, laws=laws)
+
+
+def with_laws_within(found: SegmentSearch, wider: SegmentSearch) -> SegmentSearch:
+    """Return a search with the laws of a wider one that need none of its further candidates.
+
+    The wider search may have met a better law of the library. If not, nothing changes.
+
+    Args:
+        found: a search.
+        wider: a search with the same candidates and further ones, see :func:`search_further`.
+    """
+    count = found.problem.count
+    fits = {law.members: law.fit for law in found.laws}
+    better = set()
+    for law in wider.laws:
+        known = fits.get(law.members)
+        is_within = max(law.members, default=0) < count
+        if is_within and (known is None or law.fit.cost < known.cost):
+            point = replace(law.fit.point, xi=law.fit.point.xi[:count])
+            fits[law.members] = replace(law.fit, point=point)
+            better.add(law.members)
+    laws = rank_laws(found.problem, fits)
+    return replace(found, laws=laws) if laws[0].members in better else found
 
 
 def _state_alone(

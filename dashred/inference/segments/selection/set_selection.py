@@ -33,9 +33,9 @@ STUCK = 10.0
 REFITTED, ROUNDS, LARGEST_WINNER = 8, 8, 8
 # Sets of up to so many candidates are reached by dropping one after the other from all of them.
 LARGEST_LAW = 12
-# About each of so many of the best laws, so many sets with one candidate exchanged are refitted, if
-# their predicted F is at most this much above that of the law, in s².
-NEAR, EXCHANGED, EXCHANGE_MARGIN = 3, 4, 10.0
+# About each of so many of the best laws, so many sets with one candidate exchanged or left out are
+# refitted, if their predicted score is at most this much above that of the law.
+NEAR, NEIGHBOURS, NEIGHBOUR_MARGIN = 3, 4, 10.0
 # How many sets of each size up to the largest are refitted about a winner of more candidates.
 SMALL_SETS = 3
 
@@ -79,23 +79,23 @@ def select(
         if profiled is None:
             break
         _refit_all(problem, point, _promising(problem, profiled, fits, winner or ()), fits)
-        best = _ranked(problem, fits)[0]
+        best = rank_laws(problem, fits)[0]
         # The fit of a smaller set may get stuck far from its minimum; the winner is near to it.
         while smaller := without_one(best.members):
             _refit_all(problem, best.fit.point, smaller, fits)
-            before, best = best, _ranked(problem, fits)[0]
+            before, best = best, rank_laws(problem, fits)[0]
             if best.members == before.members or problem.deadline.is_over:
                 break
         if not math.isfinite(best.score) or best.members == winner:
             break
         point, about, winner = best.fit.point, problem, best.members
     drop_needless(problem, fits)
-    best = _ranked(problem, fits)[0]
+    best = rank_laws(problem, fits)[0]
     _refit_all(problem, best.fit.point, [(), *proposals], fits)
     if len(best.members) > LARGEST:
-        refit_exchanged(problem, fits)
-        refit_small_sets(problem, _ranked(problem, fits)[0], fits)
-    return _ranked(problem, fits)
+        refit_neighbours(problem, fits)
+        refit_small_sets(problem, rank_laws(problem, fits)[0], fits)
+    return rank_laws(problem, fits)
 
 
 def drop_needless(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> None:
@@ -109,7 +109,7 @@ def drop_needless(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> N
         fits: sets and their fits, updated.
     """
     problem = replace(problem, deadline=NEVER)
-    while smaller := without_one((best := _ranked(problem, fits)[0]).members):
+    while smaller := without_one((best := rank_laws(problem, fits)[0]).members):
         profiled = profile(problem, best.fit.point)
         if profiled is None:
             break
@@ -121,23 +121,24 @@ def drop_needless(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> N
         fit = refit(problem, best.fit.point, members)
         if members not in fits or fit.cost < fits[members].cost:
             fits[members] = fit
-        if _ranked(problem, fits)[0].members != members:
+        if rank_laws(problem, fits)[0].members != members:
             break
 
 
-def refit_exchanged(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> None:
-    """Refit sets that differ in one candidate from one of the best, until these stay.
+def refit_neighbours(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> None:
+    """Refit sets that differ from one of the best in one candidate, until these stay.
 
     Of many candidates several sets may fit about equally well. The sets of the search are near to
-    one of them; these are near to the others.
+    one of them; these are near to the others. A candidate is exchanged or left out.
 
     Args:
         problem: F under which the sets are refitted.
         fits: sets and their fits, updated.
     """
     seen: set[Set] = set()
+    price = term_price(problem)
     while not problem.deadline.is_over:
-        near = [law for law in _ranked(problem, fits)[:NEAR] if law.members not in seen]
+        near = [law for law in rank_laws(problem, fits)[:NEAR] if law.members not in seen]
         if not near:
             break
         law = near[0]
@@ -146,10 +147,12 @@ def refit_exchanged(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) ->
         if profiled is None:
             continue
         costs = predict(profiled, exchanged(law.members, problem.is_extended))
+        costs |= predict(profiled, without_one(law.members))
         level = problem.level([*costs.values(), *(fit.cost for fit in fits.values())])
-        best = sorted(costs, key=costs.__getitem__)[:EXCHANGED]
-        limit = law.fit.cost + EXCHANGE_MARGIN * level
-        sets = [members for members in best if members not in fits and costs[members] < limit]
+        scores = {s: costs[s] / level + price * len(s) for s in costs}
+        limit = law.fit.cost / level + price * len(law.members) + NEIGHBOUR_MARGIN
+        best = sorted(scores, key=scores.__getitem__)[:NEIGHBOURS]
+        sets = [members for members in best if members not in fits and scores[members] < limit]
         _refit_all(problem, law.fit.point, sets, fits)
 
 
@@ -216,7 +219,13 @@ def term_price(problem: WeakConstraintProblem) -> float:
     return math.log(problem.segments.seen) + 2 * math.log(max(problem.count, 1))
 
 
-def _ranked(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> list[SegmentLaw]:
+def rank_laws(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -> list[SegmentLaw]:
+    """Return refitted sets as laws, the best first.
+
+    Args:
+        problem: F under which the sets were refitted.
+        fits: sets and their fits.
+    """
     level = problem.level(fit.cost for fit in fits.values())
     price = term_price(problem)
     laws = [

@@ -26,7 +26,11 @@ from dashred.inference.segments.selection.correlated_ranking import (
 )
 from dashred.inference.segments.selection.equivalent_laws import merge_equivalent
 from dashred.inference.segments.selection.left_force import forced_score
-from dashred.inference.segments.selection.search import SegmentSearch, search_further
+from dashred.inference.segments.selection.search import (
+    SegmentSearch,
+    search_further,
+    with_laws_within,
+)
 from dashred.inference.segments.selection.set_selection import SegmentLaw
 from dashred.physics.expressions import algebra
 from dashred.physics.system import System
@@ -166,7 +170,7 @@ def _extend(
     needed, count = _extended(again, again.best), len(again.best.members)
     gains = within is None or again.best.score < within.score - EXTENSION_GAIN
     if not needed or not gains or count > MOST_TERMS:
-        return problem, found
+        return problem, with_laws_within(found, again)
     terms = extended_terms(system, library)
     chosen = [term for term in terms if f"{term.equation}: {term}" in needed]
     return problem.with_extensions(chosen), again

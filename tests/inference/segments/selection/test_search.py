@@ -17,12 +17,16 @@ from dashred.inference.segments.natural_scales import field_sizes, natural_scale
 from dashred.inference.segments.point import Point
 from dashred.inference.segments.segments import cut
 from dashred.inference.segments.selection.equivalent_laws import merge_equivalent
-from dashred.inference.segments.selection.search import SegmentSearch, search
+from dashred.inference.segments.selection.search import (
+    SegmentSearch,
+    search,
+    with_laws_within,
+)
 from dashred.inference.segments.selection.set_selection import (
     SegmentLaw,
     drop_needless,
     refit,
-    refit_exchanged,
+    refit_neighbours,
     term_price,
 )
 from dashred.inference.segments.steps.segment_simulator import SegmentSimulator
@@ -52,9 +56,24 @@ def test_exchanging_one_candidate_leads_to_the_law(found: SegmentSearch) -> None
     others = [j for j in range(found.problem.count) if j != needed]
     for pair in (tuple(others[:2]), tuple(others[-2:])):
         fits = {pair: refit(found.problem, point, pair)}
-        refit_exchanged(found.problem, fits)
+        refit_neighbours(found.problem, fits)
         best = min(fits, key=lambda members: fits[members].cost)
         assert needed in best and len(best) == 2
+
+
+def test_a_better_law_within_the_library_is_taken_from_a_wider_search(
+    found: SegmentSearch,
+) -> None:
+    poorer = replace(found, laws=[law for law in found.laws if law.members != found.best.members])
+    assert poorer.best.members != found.best.members
+    assert with_laws_within(poorer, found).best.members == found.best.members
+    assert with_laws_within(found, found) is found
+    # Candidates of the wider search alone are not taken.
+    fewer = replace(poorer.problem, candidates=poorer.problem.candidates[:1])
+    first = replace(
+        poorer, problem=fewer, laws=[law for law in poorer.laws if set(law.members) <= {0}]
+    )
+    assert {law.members for law in with_laws_within(first, found).laws} <= {(), (0,)}
 
 
 def test_candidates_that_are_not_needed_are_dropped_after_the_deadline(
