@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -54,9 +55,19 @@ def write_document(request: Request) -> None:
         )
     folder = make_output(str(request.document.with_suffix("")))
     store_draw(folder / f"{request.folder}.jsonl", facts, read_rows(request.output))
-    stored = [read_stored(path) for path in sorted(folder.glob("*.jsonl"))]
+    stored = [read_stored(path) for path in in_order(folder)]
     write_text_atomic(request.document, document(stored))
     CONSOLE.print(f"Document: {request.document}", markup=False, soft_wrap=True)
+
+
+def in_order(folder: Path) -> list[Path]:
+    """Return the files of all draws, the oldest first: foreign-9 comes before foreign-10."""
+    return sorted(
+        folder.glob("*.jsonl"),
+        key=lambda path: [
+            int(part) if part.isdigit() else part for part in re.split(r"(\d+)", path.stem)
+        ],
+    )
 
 
 def document(draws: Sequence[tuple[Draw, list[Row]]]) -> str:

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from dashred.core.errors import InputError
-from dashred.evaluation.foreign.document import document, read_stored, store_draw
+from dashred.evaluation.foreign.document import document, in_order, read_stored, store_draw
 from dashred.evaluation.foreign.draw_file import Draw
 from dashred.evaluation.foreign.peers.methods import GIVEN
 from dashred.evaluation.foreign.rows import PeerRow, Row
@@ -149,3 +149,9 @@ def test_stored_rows_are_read_back(tmp_path) -> None:
     path.write_text(path.read_text()[:-20])
     with pytest.raises(InputError, match="does not hold the rows"):
         read_stored(path)
+
+
+def test_the_tenth_draw_is_newer_than_the_second(tmp_path) -> None:
+    for name in ("foreign-10", "foreign-2", "foreign-1"):
+        (tmp_path / f"{name}.jsonl").touch()
+    assert [path.stem for path in in_order(tmp_path)] == ["foreign-1", "foreign-2", "foreign-10"]
