@@ -56,14 +56,9 @@ def best_terms_everywhere(objective: LeastSquaresProblem, part: FirstPart) -> Te
     problem = profile_out(first, part.forcing, candidates, first.prior_std)
     singles = [(j,) for j in range(len(candidates))]
     pairs = [(i, j) for j in range(len(candidates)) for i in range(j)]
-    costs = {
-        members: cost
-        for sets in (singles, pairs)
-        if sets
-        for members, cost in zip(sets, problem.costs(sets).tolist(), strict=True)
-    }
-    best = min(costs, key=costs.__getitem__)
-    return TermsEverywhere(costs[best], first.noise.count, best, problem.coefficients(best))
+    by_size = [(problem.costs(sets), sets) for sets in (singles, pairs) if sets]
+    cost, best = min((float(costs.min()), sets[int(costs.argmin())]) for costs, sets in by_size)
+    return TermsEverywhere(cost, first.noise.count, best, problem.coefficients(best))
 
 
 def follow_beyond(

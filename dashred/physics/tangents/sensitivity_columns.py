@@ -94,11 +94,10 @@ class SensitivityIntegrator:
         shifts, drives = (select_columns(p, chunk) for p in (sources.shifts, sources.drives))
         axes = (0, *range(2, points.ndim))
         sizes = np.sqrt(np.square(points.astype(np.float64)).mean(axis=axes))
-        rows = size_of_modes(block.rows).max(axis=0)
-        np.maximum.at(sizes, drives[:, 1], span * rows[drives[:, 2]])
-        for equation, column, i in shifts.tolist():
-            changed = size_of_modes(self.linear_terms[i] * block.shifts[:, equation])
-            sizes[column] = max(sizes[column], changed.max())
+        driven = span * size_of_modes(block.rows[:, drives[:, 2]]).max(axis=0)
+        np.maximum.at(sizes, drives[:, 1], driven)
+        moved = self.linear_terms[shifts[:, 2]] * block.shifts[:, shifts[:, 0]]
+        np.maximum.at(sizes, shifts[:, 1], size_of_modes(moved).max(axis=0))
         return Chunk(self, ColumnPairs(power_of_two(sizes), self.shape), points, drives, shifts)
 
     def full(self, modes: Modes) -> Modes:
@@ -201,7 +200,7 @@ class Chunk:
         kernels.add_rows(block.rows[at], self.drives, self.factors, self.n)
 
     def _channels(self, modes: Modes, slopes: Real) -> Modes:
-        """Return δG in modes, ``(channel, column, mode)``."""
+        """Return δG in modes, ``(channel, pair, mode)``."""
         integrator = self.integrator
         kernels.gather_products(modes, integrator._multipliers, integrator._fields, self.spectra)
         grid = integrator.shape

@@ -27,7 +27,7 @@ def test_all_modes_of_real_fields_follow_from_half_of_them(shape: tuple[int, ...
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_a_completed_symbol_has_the_effect_of_the_real_transform(shape: tuple[int, ...]) -> None:
+def test_a_field_times_a_symbol_is_that_of_the_real_transform(shape: tuple[int, ...]) -> None:
     """Also for an odd derivative of the highest mode, which a real transform leaves out."""
     rng, axes = np.random.default_rng(2), tuple(range(len(shape)))
     field = rng.normal(size=shape)

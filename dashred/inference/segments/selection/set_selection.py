@@ -136,21 +136,19 @@ def refit_neighbours(problem: WeakConstraintProblem, fits: dict[Set, NodeFit]) -
         fits: sets and their fits, updated.
     """
     seen: set[Set] = set()
-    price = term_price(problem)
     while not problem.deadline.is_over:
-        near = [law for law in rank_laws(problem, fits)[:NEAR] if law.members not in seen]
-        if not near:
+        near = rank_laws(problem, fits)[:NEAR]
+        law = next((each for each in near if each.members not in seen), None)
+        if law is None:
             break
-        law = near[0]
         seen.add(law.members)
         profiled = profile(problem, law.fit.point)
         if profiled is None:
             continue
         costs = predict(profiled, exchanged(law.members, problem.is_extended))
         costs |= predict(profiled, without_one(law.members))
-        level = problem.level([*costs.values(), *(fit.cost for fit in fits.values())])
-        scores = {s: costs[s] / level + price * len(s) for s in costs}
-        limit = law.fit.cost / level + price * len(law.members) + NEIGHBOUR_MARGIN
+        level, scores = _predicted_scores(problem, costs, fits)
+        limit = law.fit.cost / level + term_price(problem) * len(law.members) + NEIGHBOUR_MARGIN
         best = sorted(scores, key=scores.__getitem__)[:NEIGHBOURS]
         sets = [members for members in best if members not in fits and scores[members] < limit]
         _refit_all(problem, law.fit.point, sets, fits)
@@ -189,10 +187,18 @@ def _promising(
         costs |= predict(profiled, [members])
     if len(winner) < LARGEST_WINNER:
         costs |= predict(profiled, with_one([winner], extended))
+    level, scores = _predicted_scores(problem, costs, fits)
+    ranked = sorted(scores, key=scores.__getitem__)[:REFITTED]
+    return [s for s in ranked if s not in fits or costs[s] < fits[s].cost - STUCK * level]
+
+
+def _predicted_scores(
+    problem: WeakConstraintProblem, costs: dict[Set, float], fits: dict[Set, NodeFit]
+) -> tuple[float, dict[Set, float]]:
+    """Return s² of predicted and refitted sets, and the scores of the predicted ones."""
     level = problem.level([*costs.values(), *(fit.cost for fit in fits.values())])
     price = term_price(problem)
-    ranked = sorted(costs, key=lambda s: costs[s] / level + price * len(s))[:REFITTED]
-    return [s for s in ranked if s not in fits or costs[s] < fits[s].cost - STUCK * level]
+    return level, {members: cost / level + price * len(members) for members, cost in costs.items()}
 
 
 def _refit_all(
