@@ -45,6 +45,7 @@ from dashred.inference.hypotheses.comparison.residual_forcing import (
     ResidualForcing,
     fit_residual_forcing,
 )
+from dashred.inference.hypotheses.free_forcing import fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import (
     HypothesisFit,
     by_score,
@@ -122,7 +123,9 @@ def _compare_all(
     Raises:
         OutOfTimeError: there was no time to compare them under one noise.
     """
-    has_rivals = len(best.law.candidates) > 1 and bool(rivals)
+    has_rivals = len(best.law.candidates) > 1 and any(
+        not best.law.parts <= rival.law.parts for rival in rivals
+    )
     residual = fit_residual_forcing(
         full_problem, best, null, has_rivals, additions.tendency_rms, report
     )
@@ -140,6 +143,8 @@ def _compare_all(
     hypotheses.fits += starts
     source, forcing_gain = add_forced_and_local(hypotheses, residual, additions, report)
     forcing_gain = _add_sensor_faults(hypotheses, residual, rivals, additions, forcing_gain)
+    if is_curves_alone(hypotheses.leader.law):
+        forcing_gain = max(forcing_gain, _gain_over_curves(hypotheses, residual, additions))
     return _conclude(hypotheses, residual, source, forcing_gain, report)
 
 
@@ -189,6 +194,21 @@ def _add_sensor_faults(
     return forcing_gain
 
 
+def _gain_over_curves(
+    hypotheses: FittedHypotheses, residual: ResidualForcing, additions: Additions
+) -> float:
+    """Return the evidence that a forcing gains over sensors that wander without any law."""
+    null = hypotheses.uncorrected
+
+    def gain() -> float:
+        forcing = residual.forcing_alone
+        if forcing is None:
+            forcing, _ = fit_free_forcing(null.objective, null.phi, additions.tendency_rms)
+        return forcing_gain_over(hypotheses.leader, null, forcing)
+
+    return hypotheses.budget.attempt("a forcing in place of sensor faults", gain, 0.0)
+
+
 def _conclude(
     hypotheses: FittedHypotheses,
     residual: ResidualForcing,
@@ -198,9 +218,6 @@ def _conclude(
 ) -> Comparison:
     """Return all hypotheses, ranked, with a map of the forcing if something is unexplained."""
     best, uncorrected = hypotheses.leader, hypotheses.uncorrected
-    if residual.forcing_alone is not None and is_curves_alone(best.law):
-        over_faults = forcing_gain_over(best, uncorrected, residual.forcing_alone)
-        forcing_gain = max(forcing_gain, over_faults)
     laws = distinct_laws(
         [profile_threshold(fit) if fit is best else fit.law for fit in hypotheses.fits]
     )

@@ -56,12 +56,12 @@ class ResidualForcing:
         forcing_gain: evidence for a free forcing on top of the law.
         is_unclear: True if something is unexplained, or if the law has rivals or may imitate
             another law. All fits then use the noise that a free forcing leaves.
-        forcing_map: the map of a forcing on top of the uncorrected simulator; None if nothing is
-            unclear or if a forcing alone loses the recording.
+        forcing_map: the map of a forcing on top of the uncorrected simulator; None if it is not
+            fitted or if it loses the recording.
         faulty: columns of sensors whose faults the forcings do not explain; they are fitted without
             these sensors.
         forcing_alone: a forcing on top of the uncorrected simulator, fitted to all sensors; None if
-            none was needed.
+            nothing is unclear, or if a law of few terms leaves nothing unexplained.
     """
 
     full_problem: LeastSquaresProblem
@@ -73,6 +73,12 @@ class ResidualForcing:
     forcing_map: ForcingMap | None = None
     faulty: tuple[int, ...] = ()
     forcing_alone: FreeForcing | None = None
+
+    @property
+    def is_simple(self) -> bool:
+        """Whether a law of few terms leaves nothing that a forcing explains."""
+        few = len(self.best.law.candidates) <= MAX_SIMPLE_TERMS
+        return few and self.forcing_gain <= MIN_FORCING_GAIN
 
     @property
     def best_forcing(self) -> FreeForcing:
@@ -108,7 +114,8 @@ def fit_residual_forcing(
         full_problem: F of all candidates over the whole record.
         best: the best law that acts everywhere.
         null: the uncorrected simulator.
-        has_rivals: whether another law that acts everywhere does as well as the best.
+        has_rivals: whether another law that acts everywhere does as well as the best. One that
+            contains the best law is no other explanation.
         tendency_rms: rms of each equation's own tendency, ``(equation,)``.
         report: progress.
     """
@@ -126,8 +133,12 @@ def _resolve_unclear(
     residual: ResidualForcing, tendency_rms: Tensor, report: Report
 ) -> ResidualForcing:
     """Return an unclear case with its forcings, their noise, and the faulty sensors."""
-    residual, gain_alone = _with_forcing_alone(residual, tendency_rms)
-    forcings, forcing_map = _choose_forcings(residual, gain_alone)
+    forcings, forcing_map = residual.forcings, None
+    # The forcing on a simple law is closer to the truth than a forcing alone, which is as coarse as
+    # its cells.
+    if not residual.is_simple:
+        residual, gain_alone = _with_forcing_alone(residual, tendency_rms)
+        forcings, forcing_map = _choose_forcings(residual, gain_alone)
     forcings = tuple(_finer(forcing) for forcing in forcings)
     faults = find_faults_beside_forcing(forcings[-1]).faults
     faulty = tuple(fault.sensor for fault in faults)
@@ -182,14 +193,12 @@ def _choose_forcings(
 ) -> tuple[tuple[FreeForcing, ...], ForcingMap | None]:
     """Return the forcings to search about, and the map of a forcing on the null.
 
-    By default this is the forcing on the null. There are three exceptions:
+    By default this is the forcing on the null. There are two exceptions:
 
-    - If the best law leaves nothing unexplained, the forcing on the best law is used. It is closer
-      to the truth than a forcing alone, which is as coarse as its cells.
-    - If a forcing alone loses the recording, the forcing on the best law is used too, and there is
-      no map.
-    - A law of many terms may fit the sensors and take a hidden field far from the truth. Then both
-      forcings are used.
+    - If a forcing alone loses the recording, the forcing on the best law is used, and there is no
+      map.
+    - A law of many terms may fit the sensors and take a hidden field far from the truth. If a
+      forcing alone leaves more noise, both forcings are used.
     """
     best, gain = residual.best, residual.forcing_gain
     forcing_on_best, forcing_alone = residual.best_forcing, residual.forcing_alone
@@ -199,7 +208,7 @@ def _choose_forcings(
     ratio = float((noise_alone.std / noise_on_best.std).median())
     forcing_map = build_forcing_map(forcing_alone, gain_alone) if ratio <= MAX_NOISE_RATIO else None
     has_many_terms = len(best.law.candidates) > MAX_SIMPLE_TERMS
-    if ratio <= MAX_NOISE_RATIO and (gain > MIN_FORCING_GAIN or (has_many_terms and ratio <= 1)):
+    if ratio <= MAX_NOISE_RATIO and (gain > MIN_FORCING_GAIN or ratio <= 1):
         return (forcing_alone,), forcing_map
     if has_many_terms and ratio < LOST_NOISE_RATIO:
         return (forcing_alone, forcing_on_best), forcing_map
