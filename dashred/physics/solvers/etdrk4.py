@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from dashred.physics.backends.input_signals import Array
+from dashred.physics.solvers.phi_functions import phi_functions
 
-# The mean over so many points errs by 1/21!, the term z²⁰ of the exponential series.
-CONTOUR_POINTS = 20
 CACHE_SIZE = 8
-# Values whose contours are integrated together: on the CPU, they fit in the cache.
-VALUES_AT_ONCE, VALUES_ON_DEVICE = 2**9, 2**18
+# Values whose coefficients are computed together: on the CPU, they fit in the cache.
+VALUES_AT_ONCE, VALUES_ON_DEVICE = 2**13, 2**18
 
 
 class Coefficients(NamedTuple):
@@ -33,9 +30,8 @@ class Coefficients(NamedTuple):
 class ETDRK4:
     """Advance ``û' = Lû + N(û, t)`` with L diagonal in Fourier space.
 
-    The method of Cox & Matthews (J. Comput. Phys. 176, 2002). The coefficients are the contour
-    integrals of Kassam & Trefethen (SIAM J. Sci. Comput. 26, 2005), which avoid cancellation for
-    small ``hL``.
+    The method of Cox & Matthews (J. Comput. Phys. 176, 2002). Their coefficients are sums of φ
+    functions (:mod:`.phi_functions`), which do not cancel for small ``hL``.
 
     Args:
         linear: L, ``(1 | batch, field, *modes)``, per unit time.
@@ -89,48 +85,49 @@ class StepperCache:
 
 def coefficients(linear: Tensor, h: float) -> Coefficients:
     """Return the coefficients of a step of length ``h``, complex, in the shape of L."""
-    # Complex even if L is real: a real factor of the modes would be converted at every use.
-    z = (h * linear).to(torch.complex128)
-    return Coefficients(torch.exp(z), torch.exp(z / 2), *_contour_integrals(z, h))
+    return _in_parts(_coefficients, linear, h)
 
 
 def coefficient_derivatives(linear: Tensor, h: float) -> Coefficients:
     """Return the derivative of each coefficient with respect to L, in the shape of L."""
-    z = (h * linear).to(torch.complex128)
-    full, half = h * torch.exp(z), h / 2 * torch.exp(z / 2)
-    return Coefficients(full, half, *(h * result for result in _contour_integrals(z, h, order=1)))
+    return _in_parts(_derivatives, linear, h)
 
 
-def _contour_integrals(z: Tensor, h: float, order: int = 0) -> tuple[Tensor, ...]:
-    """Return the contour integrals, computed once for each distinct z."""
-    if z.requires_grad or z.device.type != "cpu":
-        # The selection of distinct values is not differentiable, and slow on other devices.
-        return _integrals_around(z, h, order)
-    different, places = np.unique(z.numpy(), return_inverse=True)
-    result = _integrals_around(torch.from_numpy(different), h, order)
-    at = torch.from_numpy(places).reshape(z.shape)
-    return tuple(each[at] for each in result)
+def _in_parts(
+    compute: Callable[[Tensor, float], Coefficients], linear: Tensor, h: float
+) -> Coefficients:
+    """Return complex coefficients, computed for some values at a time."""
+    size = VALUES_AT_ONCE if linear.device.type == "cpu" else VALUES_ON_DEVICE
+    z = (h * linear).flatten()
+    if z.is_complex() and not z.imag.any():
+        z = z.real
+    parts = [compute(part, h) for part in z.split(size)]
+    # Complex even if L is real: a real factor of the modes would be converted at every use.
+    whole = [torch.cat(each).to(torch.complex128) for each in zip(*parts, strict=True)]
+    return Coefficients(*(each.reshape(linear.shape) for each in whole))
 
 
-def _integrals_around(z: Tensor, h: float, order: int) -> tuple[Tensor, ...]:
-    angles = (torch.arange(CONTOUR_POINTS, dtype=torch.float64) + 0.5) / CONTOUR_POINTS
-    roots = torch.exp(2j * math.pi * angles).to(z.device)[:, None]
-    size = VALUES_AT_ONCE if z.device.type == "cpu" else VALUES_ON_DEVICE
-    parts = [_contour_means(part, roots, order) for part in z.flatten().split(size)]
-    return tuple(h * torch.cat(each).reshape(z.shape) for each in zip(*parts, strict=True))
+def _coefficients(z: Tensor, h: float) -> Coefficients:
+    """Return the coefficients for ``z = hL``."""
+    half, of_half = phi_functions(z / 2, 1)
+    full, one, two, three = phi_functions(z, 3)
+    return Coefficients(full, half, *_combined(of_half, one, two, three, h))
 
 
-def _contour_means(z: Tensor, roots: Tensor, order: int) -> tuple[Tensor, ...]:
-    """Return the means over the contours around all z, ``(value,)``; roots are ``(root, 1)``."""
-    r = z + roots
-    e_half = torch.exp(z / 2) * torch.exp(roots / 2)
-    e, r_squared = e_half.square(), r.square()
-    # Cauchy's formula: each further factor 1/root gives the next derivative.
-    weight = roots**-order / r
-    cubic = weight / r_squared
-    return (
-        (weight * (e_half - 1)).mean(dim=0),
-        (cubic * (-4 - r + e * (4 - 3 * r + r_squared))).mean(dim=0),
-        (cubic * (4 + 2 * r + e * (-4 + 2 * r))).mean(dim=0),
-        (cubic * (-4 - 3 * r - r_squared + e * (4 - r))).mean(dim=0),
-    )
+def _derivatives(z: Tensor, h: float) -> Coefficients:
+    """Return the derivatives by L for ``z = hL``: ``φ_k' = φ_k − k φ_{k+1}``."""
+    full, one, two, three, four = phi_functions(z, 4)
+    half, first_of_half, second_of_half = phi_functions(z / 2, 2)
+    slopes = one - two, two - 2 * three, three - 3 * four
+    others = _combined((first_of_half - second_of_half) / 2, *slopes, h)
+    return Coefficients(h * full, h / 2 * half, *(h * each for each in others))
+
+
+def _combined(of_half: Tensor, one: Tensor, two: Tensor, three: Tensor, h: float) -> list[Tensor]:
+    """Return the coefficients of N from ``φ_1(z/2)``, ``φ_1``, ``φ_2`` and ``φ_3``."""
+    return [
+        h / 2 * of_half,
+        h * (one - 3 * two + 4 * three),
+        h * (2 * two - 4 * three),
+        h * (4 * three - two),
+    ]
