@@ -17,6 +17,7 @@ from dashred.inference.hypotheses.comparison.repeated_screening import repeat_sc
 from dashred.inference.hypotheses.comparison.residual_forcing import (
     MAX_SIMPLE_TERMS,
     ResidualForcing,
+    is_certain,
 )
 from dashred.inference.hypotheses.extended.extended_library import fit_extended_laws
 from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forcing
@@ -78,13 +79,21 @@ def fit_local_and_extended(
 
 
 def fit_single_terms(residual: ResidualForcing, additions: Additions) -> list[HypothesisFit]:
-    """Return laws of one term, in a window or beyond the library, that may rival the best law."""
+    """Return laws of one term, in a window or beyond the library, that may rival the best law.
+
+    A law whose coefficients are all certain imitates no term in a window: it would leave something.
+    It may imitate a function beyond the library by the first terms of its series.
+    """
     best, forcing = residual.best, residual.best_forcing
-    windowed_problem = _with_simulator(residual.full_problem, additions.windowed_simulator())
     bound, null_score = best.law.score + REJECTION_MARGIN, residual.null.law.score
+    extended = _fit_extended(residual, additions, forcing, bound)
+    is_everywhere = best.law.source is None and best.law.window is None
+    if is_everywhere and is_certain(best.law):
+        return extended
+    windowed_problem = _with_simulator(residual.full_problem, additions.windowed_simulator())
     indices = _candidates_in_same_equations(residual.full_problem, best)
     local_fits = fit_windowed_laws(windowed_problem, 0, indices, forcing, null_score, bound)
-    return [*local_fits, *_fit_extended(residual, additions, forcing, bound)]
+    return [*local_fits, *extended]
 
 
 def _fit_extended(

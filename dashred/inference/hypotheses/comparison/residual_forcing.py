@@ -32,7 +32,8 @@ from dashred.inference.hypotheses.sources.smooth_forcing import (
 # A law with more terms may imitate a law in a window or beyond the library. A law with just as many
 # may imitate a law beyond the library or a law in a window of the same equations.
 MAX_SIMPLE_TERMS = 2
-# A law whose coefficients are all at least this many standard deviations from zero is no imitation.
+# A law whose coefficients are all at least this many standard deviations from zero does not imitate
+# a term in a window.
 MIN_COEFFICIENT_RATIO = 30.0
 # If a forcing alone leaves this many times the noise of a forcing on the best law, it has lost the
 # recording: it cannot steer chaos over a long record.
@@ -220,7 +221,9 @@ def may_imitate(law: Law) -> bool:
 
     The terms of a source are the parts of its course.
     """
-    if law.source is not None:
-        return False
-    is_certain = bool((law.coefficients.abs() >= MIN_COEFFICIENT_RATIO * law.std).all())
-    return len(law.candidates) > MAX_SIMPLE_TERMS and not is_certain
+    return law.source is None and len(law.candidates) > MAX_SIMPLE_TERMS and not is_certain(law)
+
+
+def is_certain(law: Law) -> bool:
+    """Tell whether all coefficients of a law are so far from zero that no window is imitated."""
+    return bool((law.coefficients.abs() >= MIN_COEFFICIENT_RATIO * law.std).all())

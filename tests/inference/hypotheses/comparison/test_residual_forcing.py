@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NoReturn
 
 import pytest
@@ -13,8 +14,10 @@ from dashred.core.budget import Budget
 from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.hypotheses.comparison import compare_hypotheses as module
+from dashred.inference.hypotheses.comparison import local_and_extended
 from dashred.inference.hypotheses.comparison.comparison import Additions
 from dashred.inference.hypotheses.comparison.residual_forcing import (
+    MIN_COEFFICIENT_RATIO,
     ResidualForcing,
     fit_residual_forcing,
 )
@@ -89,3 +92,27 @@ def test_a_rival_that_contains_the_law_is_no_other_explanation(
     with pytest.raises(SeenError) as seen:
         module.compare_hypotheses(full, best, null, [rival], additions, Budget(), lambda *_: None)
     assert seen.value.args == (is_other,)
+
+
+@pytest.mark.parametrize("factor", [0.9, 1.1])
+def test_windows_are_not_searched_beside_certain_coefficients(
+    waves: Waves, recorded: Tensor, monkeypatch: pytest.MonkeyPatch, factor: float
+) -> None:
+    searched: list[str] = []
+
+    def note(kind: str) -> Any:
+        def fit(*_: Any) -> list[HypothesisFit]:
+            searched.append(kind)
+            return []
+
+        return fit
+
+    monkeypatch.setattr(local_and_extended, "fit_windowed_laws", note("windows"))
+    monkeypatch.setattr(local_and_extended, "fit_extended_laws", note("extended"))
+    residual = residual_of(waves, recorded, list(TRUTH))
+    law = residual.best.law
+    std = law.coefficients.abs() / (factor * MIN_COEFFICIENT_RATIO)
+    best = replace(residual.best, law=replace(law, covariance=torch.diag(std**2)))
+    additions = Additions(len(waves.everything), waves.size, lambda: waves.simulator, list)
+    assert local_and_extended.fit_single_terms(replace(residual, best=best), additions) == []
+    assert searched == (["extended"] if factor > 1 else ["extended", "windows"])
