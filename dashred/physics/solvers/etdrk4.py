@@ -99,7 +99,8 @@ def _in_parts(
     """Return complex coefficients, computed for some values at a time."""
     size = VALUES_AT_ONCE if linear.device.type == "cpu" else VALUES_ON_DEVICE
     z = (h * linear).flatten()
-    if z.is_complex() and not z.imag.any():
+    # The gradient of an odd derivative with coefficient 0 is imaginary.
+    if z.is_complex() and not z.requires_grad and not z.imag.any():
         z = z.real
     parts = [compute(part, h) for part in z.split(size)]
     # Complex even if L is real: a real factor of the modes would be converted at every use.

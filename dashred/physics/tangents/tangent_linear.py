@@ -44,11 +44,8 @@ from dashred.physics.tangents.sources import Sources
 
 POINTS_AT_ONCE = 2**12
 """Stages times grid points whose slopes and sources are computed together, to fit in the cache."""
-COLUMN_POINTS = 2**18
-"""Columns times fields times grid points that are integrated together.
-
-More take less time for calls, and leave fewer blocks for the workers of a cluster.
-"""
+COLUMN_POINTS = 2**17
+"""Columns times fields times grid points that are integrated together, to fit in the cache."""
 PRECISION: dict[torch.dtype, type[np.floating[Any]]] = {
     torch.float32: np.float32,
     torch.float64: np.float64,

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from dashred.core.budget import Budget
 from dashred.core.progress import Report
-from dashred.inference.fit.law import distinct_laws
+from dashred.inference.fit.law import Law, distinct_laws
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.selection.stepwise_selection import term_penalty
 from dashred.inference.hypotheses.comparison.backward_elimination import eliminate_terms
@@ -43,9 +43,9 @@ from dashred.inference.hypotheses.comparison.noise_reestimation import (
 )
 from dashred.inference.hypotheses.comparison.residual_forcing import (
     ResidualForcing,
+    add_forcing_alone,
     fit_residual_forcing,
 )
-from dashred.inference.hypotheses.free_forcing import fit_free_forcing
 from dashred.inference.hypotheses.hypothesis_fit import (
     HypothesisFit,
     by_score,
@@ -143,8 +143,13 @@ def _compare_all(
     hypotheses.fits += starts
     source, forcing_gain = add_forced_and_local(hypotheses, residual, additions, report)
     forcing_gain = _add_sensor_faults(hypotheses, residual, rivals, additions, forcing_gain)
-    if is_curves_alone(hypotheses.leader.law):
-        forcing_gain = max(forcing_gain, _gain_over_curves(hypotheses, residual, additions))
+    is_missing = residual.is_unclear and residual.forcing_alone is None
+    if is_missing and _needs_forcing_alone(hypotheses.leader.law, forcing_gain):
+        residual = budget.attempt(
+            "a forcing without a law",
+            lambda: add_forcing_alone(residual, additions.tendency_rms),
+            residual,
+        )
     return _conclude(hypotheses, residual, source, forcing_gain, report)
 
 
@@ -194,19 +199,10 @@ def _add_sensor_faults(
     return forcing_gain
 
 
-def _gain_over_curves(
-    hypotheses: FittedHypotheses, residual: ResidualForcing, additions: Additions
-) -> float:
-    """Return the evidence that a forcing gains over sensors that wander without any law."""
-    null = hypotheses.uncorrected
-
-    def gain() -> float:
-        forcing = residual.forcing_alone
-        if forcing is None:
-            forcing, _ = fit_free_forcing(null.objective, null.phi, additions.tendency_rms)
-        return forcing_gain_over(hypotheses.leader, null, forcing)
-
-    return hypotheses.budget.attempt("a forcing in place of sensor faults", gain, 0.0)
+def _needs_forcing_alone(best: Law, forcing_gain: float) -> bool:
+    """Tell whether a forcing is mapped, or compared with sensors that wander without any law."""
+    is_mapped = best.source is not None or forcing_gain > MIN_FORCING_GAIN
+    return is_mapped or is_curves_alone(best)
 
 
 def _conclude(
@@ -218,6 +214,9 @@ def _conclude(
 ) -> Comparison:
     """Return all hypotheses, ranked, with a map of the forcing if something is unexplained."""
     best, uncorrected = hypotheses.leader, hypotheses.uncorrected
+    if residual.forcing_alone is not None and is_curves_alone(best.law):
+        over_faults = forcing_gain_over(best, uncorrected, residual.forcing_alone)
+        forcing_gain = max(forcing_gain, over_faults)
     laws = distinct_laws(
         [profile_threshold(fit) if fit is best else fit.law for fit in hypotheses.fits]
     )

@@ -23,6 +23,7 @@ from dashred.inference.hypotheses.comparison.local_source import (
 from dashred.inference.hypotheses.comparison.residual_forcing import (
     MAX_SIMPLE_TERMS,
     ResidualForcing,
+    imitates_no_window,
     may_imitate,
 )
 from dashred.inference.hypotheses.extended.periodic_forcing import fit_periodic_laws
@@ -84,11 +85,11 @@ def add_forced_and_local(
         hypotheses.fits += more_fits
         return source, gain
     if _may_be_local(residual.best.law):
-        report(0.4, "fitting single terms in a window or beyond the library")
-        hypotheses.add(
-            "single terms in a window or beyond the library",
-            lambda: fit_single_terms(residual, additions),
-        )
+        where = "beyond the library"
+        if not imitates_no_window(residual.best.law):
+            where = f"in a window or {where}"
+        report(0.4, f"fitting single terms {where}")
+        hypotheses.add(f"single terms {where}", lambda: fit_single_terms(residual, additions))
     return source, residual.forcing_gain
 
 

@@ -17,7 +17,7 @@ from dashred.inference.hypotheses.comparison.repeated_screening import repeat_sc
 from dashred.inference.hypotheses.comparison.residual_forcing import (
     MAX_SIMPLE_TERMS,
     ResidualForcing,
-    is_certain,
+    imitates_no_window,
 )
 from dashred.inference.hypotheses.extended.extended_library import fit_extended_laws
 from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forcing
@@ -81,14 +81,13 @@ def fit_local_and_extended(
 def fit_single_terms(residual: ResidualForcing, additions: Additions) -> list[HypothesisFit]:
     """Return laws of one term, in a window or beyond the library, that may rival the best law.
 
-    A law whose coefficients are all certain imitates no term in a window: it would leave something.
-    It may imitate a function beyond the library by the first terms of its series.
+    A law whose coefficients are all certain may imitate a function beyond the library by the first
+    terms of its series. A term in a window would leave something.
     """
     best, forcing = residual.best, residual.best_forcing
     bound, null_score = best.law.score + REJECTION_MARGIN, residual.null.law.score
     extended = _fit_extended(residual, additions, forcing, bound)
-    is_everywhere = best.law.source is None and best.law.window is None
-    if is_everywhere and is_certain(best.law):
+    if imitates_no_window(best.law):
         return extended
     windowed_problem = _with_simulator(residual.full_problem, additions.windowed_simulator())
     indices = _candidates_in_same_equations(residual.full_problem, best)

@@ -32,8 +32,8 @@ from dashred.inference.hypotheses.sources.smooth_forcing import (
 # A law with more terms may imitate a law in a window or beyond the library. A law with just as many
 # may imitate a law beyond the library or a law in a window of the same equations.
 MAX_SIMPLE_TERMS = 2
-# A law whose coefficients are all at least this many standard deviations from zero does not imitate
-# a term in a window.
+# A law of more terms whose coefficients are all at least this many standard deviations from zero is
+# no imitation. One of fewer terms may imitate a function beyond the library, but no window.
 MIN_COEFFICIENT_RATIO = 30.0
 # If a forcing alone leaves this many times the noise of a forcing on the best law, it has lost the
 # recording: it cannot steer chaos over a long record.
@@ -57,12 +57,12 @@ class ResidualForcing:
         forcing_gain: evidence for a free forcing on top of the law.
         is_unclear: True if something is unexplained, or if the law has rivals or may imitate
             another law. All fits then use the noise that a free forcing leaves.
-        forcing_map: the map of a forcing on top of the uncorrected simulator; None if it is not
-            fitted or if it loses the recording.
+        forcing_map: the map of a forcing on top of the uncorrected simulator; None if that is not
+            fitted, is zero, or loses the recording.
         faulty: columns of sensors whose faults the forcings do not explain; they are fitted without
             these sensors.
         forcing_alone: a forcing on top of the uncorrected simulator, fitted to all sensors; None if
-            nothing is unclear, or if a law of few terms leaves nothing unexplained.
+            none was needed (:func:`add_forcing_alone`).
     """
 
     full_problem: LeastSquaresProblem
@@ -134,12 +134,12 @@ def _resolve_unclear(
     residual: ResidualForcing, tendency_rms: Tensor, report: Report
 ) -> ResidualForcing:
     """Return an unclear case with its forcings, their noise, and the faulty sensors."""
-    forcings, forcing_map = residual.forcings, None
+    forcings = residual.forcings
     # The forcing on a simple law is closer to the truth than a forcing alone, which is as coarse as
     # its cells.
     if not residual.is_simple:
-        residual, gain_alone = _with_forcing_alone(residual, tendency_rms)
-        forcings, forcing_map = _choose_forcings(residual, gain_alone)
+        residual = add_forcing_alone(residual, tendency_rms)
+        forcings = _choose_forcings(residual)
     forcings = tuple(_finer(forcing) for forcing in forcings)
     faults = find_faults_beside_forcing(forcings[-1]).faults
     faulty = tuple(fault.sensor for fault in faults)
@@ -154,7 +154,6 @@ def _resolve_unclear(
         best=refit_under_noise(residual.best, noise),
         null=refit_under_noise(residual.null, noise),
         forcings=forcings,
-        forcing_map=forcing_map,
         faulty=faulty,
     )
 
@@ -178,42 +177,47 @@ def _misfit(forcing: FreeForcing) -> float:
     return float(normal.residuals.square().sum()) / count if normal.is_finite else math.inf
 
 
-def _with_forcing_alone(
-    residual: ResidualForcing, tendency_rms: Tensor
-) -> tuple[ResidualForcing, float]:
-    """Return the case with a forcing on the null, and the evidence that this forcing gains."""
-    null = residual.null
-    if residual.forcing_alone is not None:
-        return residual, residual.forcing_gain
-    forcing, gain = fit_free_forcing(null.objective, null.phi, tendency_rms)
-    return replace(residual, forcing_alone=forcing), gain
+def add_forcing_alone(residual: ResidualForcing, tendency_rms: Tensor) -> ResidualForcing:
+    """Return the case with a forcing on the null and its map.
 
+    Args:
+        residual: the case.
+        tendency_rms: rms of each equation's own tendency, ``(equation,)``.
 
-def _choose_forcings(
-    residual: ResidualForcing, gain_alone: float
-) -> tuple[tuple[FreeForcing, ...], ForcingMap | None]:
-    """Return the forcings to search about, and the map of a forcing on the null.
-
-    By default this is the forcing on the null. There are two exceptions:
-
-    - If a forcing alone loses the recording, the forcing on the best law is used, and there is no
-      map.
-    - A law of many terms may fit the sensors and take a hidden field far from the truth. If a
-      forcing alone leaves more noise, both forcings are used.
+    Raises:
+        OutOfTimeError: the deadline of F is over.
     """
-    best, gain = residual.best, residual.forcing_gain
-    forcing_on_best, forcing_alone = residual.best_forcing, residual.forcing_alone
-    assert forcing_alone is not None
-    noise_alone = estimate_noise_under_forcing(forcing_alone)
-    noise_on_best = estimate_noise_under_forcing(forcing_on_best)
-    ratio = float((noise_alone.std / noise_on_best.std).median())
-    forcing_map = build_forcing_map(forcing_alone, gain_alone) if ratio <= MAX_NOISE_RATIO else None
-    has_many_terms = len(best.law.candidates) > MAX_SIMPLE_TERMS
-    if ratio <= MAX_NOISE_RATIO and (gain > MIN_FORCING_GAIN or ratio <= 1):
-        return (forcing_alone,), forcing_map
-    if has_many_terms and ratio < LOST_NOISE_RATIO:
-        return (forcing_alone, forcing_on_best), forcing_map
-    return (forcing_on_best,), forcing_map
+    forcing, gain, null = residual.forcing_alone, residual.forcing_gain, residual.null
+    if forcing is None:
+        forcing, gain = fit_free_forcing(null.objective, null.phi, tendency_rms)
+    residual = replace(residual, forcing_alone=forcing)
+    follows = _noise_ratio(residual) <= MAX_NOISE_RATIO
+    return replace(residual, forcing_map=build_forcing_map(forcing, gain) if follows else None)
+
+
+def _noise_ratio(residual: ResidualForcing) -> float:
+    """Return the noise that a forcing on the null leaves, in that of one on the best law."""
+    assert residual.forcing_alone is not None
+    alone = estimate_noise_under_forcing(residual.forcing_alone)
+    on_best = estimate_noise_under_forcing(residual.best_forcing)
+    return float((alone.std / on_best.std).median())
+
+
+def _choose_forcings(residual: ResidualForcing) -> tuple[FreeForcing, ...]:
+    """Return the forcings to search about.
+
+    This is the forcing on the null if it follows the recording about as well as the one on the best
+    law, and something is unexplained. A law of many terms that leaves nothing may fit the sensors
+    and take a hidden field far from the truth: the forcing on the null is used alone if it leaves
+    no more noise, and beside the other one as long as its trajectory means anything.
+    """
+    alone, ratio = residual.forcing_alone, _noise_ratio(residual)
+    assert alone is not None
+    if ratio <= (MAX_NOISE_RATIO if residual.forcing_gain > MIN_FORCING_GAIN else 1):
+        return (alone,)
+    if len(residual.best.law.candidates) > MAX_SIMPLE_TERMS and ratio < LOST_NOISE_RATIO:
+        return alone, residual.best_forcing
+    return (residual.best_forcing,)
 
 
 def may_imitate(law: Law) -> bool:
@@ -224,6 +228,11 @@ def may_imitate(law: Law) -> bool:
     return law.source is None and len(law.candidates) > MAX_SIMPLE_TERMS and not is_certain(law)
 
 
+def imitates_no_window(law: Law) -> bool:
+    """Tell whether a law that acts everywhere is too certain to imitate a term in a window."""
+    return law.source is None and law.window is None and is_certain(law)
+
+
 def is_certain(law: Law) -> bool:
-    """Tell whether all coefficients of a law are so far from zero that no window is imitated."""
+    """Tell whether all coefficients of a law are far from zero."""
     return bool((law.coefficients.abs() >= MIN_COEFFICIENT_RATIO * law.std).all())

@@ -19,6 +19,7 @@ from dashred.inference.hypotheses.comparison.comparison import Additions
 from dashred.inference.hypotheses.comparison.residual_forcing import (
     MIN_COEFFICIENT_RATIO,
     ResidualForcing,
+    add_forcing_alone,
     fit_residual_forcing,
 )
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
@@ -60,6 +61,10 @@ def test_no_forcing_alone_beside_a_simple_law_that_explains_all(
     [forcing] = found.forcings
     assert forcing.objective.forward_model.law.count == 2
     assert found.full_problem.noise.std.numpy() == pytest.approx(SIGMA, rel=0.2)
+    later = add_forcing_alone(found, waves.size)
+    assert later.forcing_alone is not None and later.forcing_map is not None
+    assert later.forcing_alone.objective.forward_model.law.count == 0
+    assert later.forcings == found.forcings
 
 
 def test_a_forcing_alone_where_a_law_leaves_something(waves: Waves, recorded: Tensor) -> None:
