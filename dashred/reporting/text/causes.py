@@ -150,6 +150,11 @@ def _not_converged(cause: Cause) -> str:
 
 
 def _unresolved(cause: Cause) -> str:
+    if not math.isfinite(cause["doubling_error"]):
+        return (
+            "at doubled resolution the simulation blows up: it may amplify short waves without "
+            "bound. Add the dissipation that is known, or use a shorter time step"
+        )
     advice = "doubling it twice is not enough"
     if cause["enough"] is not None:
         points = " and ".join(f"{n} points along {axis}" for axis, n in cause["enough"].items())

@@ -109,7 +109,7 @@ def _conclusion(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
         case "sensor-fault":
             return f"{simulation} agrees with the recording, but {_faults(findings)}"
         case "unresolved-numerics":
-            return "no conclusion is possible: the simulation's grid or time step is too coarse"
+            return "no conclusion is possible: the numerical error of the simulation is too large"
         case "not-converged":
             return "no result: the simulation could not be fitted to the recording with any law"
         case "mismatch":

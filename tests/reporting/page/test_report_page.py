@@ -483,7 +483,7 @@ def test_the_page_of_an_unresolved_simulator_claims_no_fit(tmp_path: Path) -> No
     )
     write_html(tmp_path / "report.html", unresolved, {}, "")
     text = "\n".join(Page((tmp_path / "report.html").read_text(encoding="utf-8")).words)
-    assert "grid or time step is too coarse" in text and says[1:] in text
+    assert "numerical error of the simulation is too large" in text and says[1:] in text
     assert "nothing was trained or fitted" in text and "Sensors at random." in text
     assert "Every law was fitted" not in text and "were read once" not in text
 

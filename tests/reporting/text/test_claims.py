@@ -411,3 +411,20 @@ def test_a_fault_beside_the_nearest_law_is_told_as_such() -> None:
     assert "Under the nearest explanation, a sensor is faulty: sensor s1" in headline(lawless)
     law = told | {"verdict": "missing-term"}
     assert "A sensor is faulty: sensor s1 has a bias of 3." in headline(law)
+
+
+@pytest.mark.parametrize("enough", [None, {"x": 96}])
+def test_a_simulation_that_blows_up_at_doubled_resolution(enough: dict[str, int] | None) -> None:
+    cause: Any = {
+        "kind": "unresolved-numerics",
+        "probability": None,
+        "doubling_error": 0.05,
+        "limit": 0.01,
+        "points": {"x": 48},
+        "enough": enough,
+    }
+    text = cause_text(cause)
+    assert text is not None and "changes a sensor trace by 5.0 %" in text
+    assert ("96 points along x" in text) == (enough is not None)
+    text = cause_text({**cause, "doubling_error": math.inf})
+    assert text is not None and "blows up" in text and "inf" not in text
