@@ -13,8 +13,9 @@ import torch
 VALUES = 2**17
 # Size of the matrices whose product is timed.
 MATRIX = 768
-# Each kernel is timed until so many seconds are over, and at least so often; the shortest counts.
-SECONDS, RUNS = 0.2, 5
+# A kernel runs so often that it takes BATCH seconds, because the clock of the CPU may advance in
+# steps of some milliseconds. This is repeated until SECONDS are over; the shortest time counts.
+BATCH, SECONDS = 0.02, 0.2
 
 
 @dataclass(frozen=True)
@@ -81,10 +82,17 @@ def _arithmetic() -> float:
 def _shortest(run: Callable[[], object]) -> float:
     """Return the shortest time of a run, in CPU seconds, after one that warms up."""
     run()
-    found: list[float] = []
-    end = time.process_time() + SECONDS
-    while len(found) < RUNS or time.process_time() < end:
-        began = time.process_time()
+    count = 1
+    while (seconds := _seconds(run, count)) < BATCH:
+        count *= 2
+    found = [seconds]
+    while sum(found) < SECONDS:
+        found.append(_seconds(run, count))
+    return min(found) / count
+
+
+def _seconds(run: Callable[[], object], count: int) -> float:
+    began = time.process_time()
+    for _ in range(count):
         run()
-        found.append(time.process_time() - began)
-    return min(found)
+    return time.process_time() - began
