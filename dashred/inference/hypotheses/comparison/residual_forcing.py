@@ -209,7 +209,7 @@ def _choose_forcings(residual: ResidualForcing) -> tuple[FreeForcing, ...]:
     This is the forcing on the null if it follows the recording about as well as the one on the best
     law, and something is unexplained. A law of many terms that leaves nothing may fit the sensors
     and take a hidden field far from the truth: the forcing on the null is used alone if it leaves
-    no more noise, and beside the other one as long as its trajectory means anything.
+    no more noise, and beside the other one if it leaves less than LOST_NOISE_RATIO times the noise.
     """
     alone, ratio = residual.forcing_alone, _noise_ratio(residual)
     assert alone is not None
