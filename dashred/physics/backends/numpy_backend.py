@@ -112,6 +112,16 @@ class Pointwise:
         raise TypeError(f"{expr!r} is not pointwise")
 
 
+def _fifth(x: Points) -> Points:
+    square = x * x
+    return square * square * x
+
+
+def _sixth(x: Points) -> Points:
+    cube = x * x * x
+    return cube * cube
+
+
 PRODUCTS: dict[float, Callable[[Points], Points]] = {
     -2.0: lambda x: 1 / (x * x),
     -1.0: lambda x: 1 / x,
@@ -119,5 +129,7 @@ PRODUCTS: dict[float, Callable[[Points], Points]] = {
     2.0: lambda x: x * x,
     3.0: lambda x: x * x * x,
     4.0: lambda x: (x * x) * (x * x),
+    5.0: _fifth,
+    6.0: _sixth,
 }
 """Powers that are computed without ``np.power``."""

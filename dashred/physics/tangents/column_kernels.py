@@ -1,12 +1,15 @@
-"""Compiled loops over the columns of a sensitivity; each loop works on rows that fit in the cache.
+"""Compiled loops over the columns of a sensitivity, between its Fourier transforms.
 
-Columns are ``(field, column, mode)``, complex64 or complex128: pairs of real columns
-(:mod:`.column_pairs`). The axes of a mode are flattened.
+Columns are ``(field, pair, mode)``, complex64 or complex128: pairs of real columns
+(:mod:`.column_pairs`). The axes of a mode are flattened. The rate N is computed for some hundred
+modes at a time and used at once, so that it stays in the cache.
+
+A stage is completed in place: it starts as the part that is known before its rate.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -16,10 +19,53 @@ Real = NDArray[Any]
 Modes = NDArray[Any]
 Places = NDArray[np.int64]
 
+# Modes that are computed together. Their arrays fit in the first level of the cache.
+TILE = 512
+
 # Sums may be fused and reordered; NaN and infinity keep their meaning.
 jit = numba.njit(
     nogil=True, cache=True, fastmath={"contract", "reassoc", "nsz"}, error_model="numpy"
 )
+
+
+class Equations(NamedTuple):
+    """The linearised equations as arrays, the same for all columns.
+
+    Attributes:
+        tiles: first and last mode of each tile, ``(tile, 2)``; modes outside of them are zero.
+        channels: equation of each channel, ``(channel,)``.
+        channel_symbols: D, ``(channel, mode)``.
+        coupled: equation and field of each coupling, ``(coupling, 2)``.
+        couplings: C, ``(coupling, mode)``.
+        inputs: field of each input of the slopes, ``(input,)``.
+        multipliers: V, ``(input, mode)``.
+    """
+
+    tiles: Places
+    channels: Places
+    channel_symbols: Modes
+    coupled: Places
+    couplings: Modes
+    inputs: Places
+    multipliers: Modes
+
+
+class PairSources(NamedTuple):
+    """The sources of some pairs. Those of equation e and pair p are at ``e * pairs + p``.
+
+    Attributes:
+        first_drive: index of the first drive of each place, and their number at the end.
+        rows: row of the stages' sources that each drive reads, ``(drive,)``.
+        factors: what the row is multiplied by, ``(drive,)``.
+        first_shift: the same as ``first_drive`` for sources that change L.
+        symbols: of these sources, with their factors, ``(shift, mode)``.
+    """
+
+    first_drive: Places
+    rows: Places
+    factors: Modes
+    first_shift: Places
+    symbols: Modes
 
 
 @jit
@@ -47,94 +93,196 @@ def apply_slopes(inputs: Real, slopes: Real, reads: Places, writes: Places, out:
 
 
 @jit
-def add_products(factors: Modes, terms: Modes, reads: Places, writes: Places, out: Modes) -> None:
-    """Add ``factors[s] terms[reads[s]]`` to ``out[writes[s]]``, for each s and column."""
-    for column in range(out.shape[1]):
-        for s in range(len(reads)):
-            factor, term, total = factors[s], terms[reads[s], column], out[writes[s], column]
-            for k in range(len(total)):
-                total[k] += factor[k] * term[k]
-
-
-@jit
-def gather_products(modes: Modes, factors: Modes, reads: Places, out: Modes) -> None:
-    """Set ``out[s] = factors[s] modes[reads[s]]``, for each s and column."""
-    for s in range(len(reads)):
-        for column in range(out.shape[1]):
-            factor, mode, result = factors[s], modes[reads[s], column], out[s, column]
-            for k in range(len(result)):
-                result[k] = factor[k] * mode[k]
-
-
-@jit
-def add_rows(rows: Modes, places: Places, factors: Modes, out: Modes) -> None:
-    """Add ``factors[p] rows[r]`` to ``out[e, c]`` for each place p ``(e, c, r)``."""
-    for p in range(len(places)):
-        factor = factors[p]
-        row, total = rows[places[p, 2]], out[places[p, 0], places[p, 1]]
-        for k in range(len(total)):
-            total[k] += factor * row[k]
-
-
-@jit
-def add_shifts(symbols: Modes, shift: Modes, places: Places, out: Modes) -> None:
-    """Add ``symbols[p] shift[equation]`` to ``out[equation, column]`` for each place p."""
-    for p in range(len(places)):
-        equation = places[p, 0]
-        factor, change, total = symbols[p], shift[equation], out[equation, places[p, 1]]
-        for k in range(len(total)):
-            total[k] += factor[k] * change[k]
+def gather_inputs(equations: Equations, modes: Modes, spectra: Modes) -> None:
+    """Set the inputs of the slopes in modes, ``spectra[s] = V_s modes[field of s]``."""
+    for field in range(modes.shape[0]):
+        for first, last in equations.tiles:
+            for pair in range(modes.shape[1]):
+                _send(equations, field, pair, first, last, modes, spectra)
 
 
 @jit
 def first_stage(
-    u: Modes, n: Modes, step: Modes, linear: Modes, rest: Modes, end: Modes, a: Modes
+    equations: Equations,
+    sources: PairSources,
+    rows: Modes,
+    shift: Modes,
+    hats: Modes,
+    step: Modes,
+    u: Modes,
+    a: Modes,
+    b: Modes,
+    c: Modes,
+    end: Modes,
+    spectra: Modes,
 ) -> None:
-    """Compute stage a and the contributions of u and N(u) to the later stages.
+    """Compute stage a, and begin the later stages.
 
     Args:
-        u: state at the start of the step.
-        n: N(u).
+        equations: of the columns.
+        sources: of the pairs.
+        rows: sources at the stage u, ``(row, mode)``.
+        shift: derivative of stage a with respect to L, ``(field, mode)``.
+        hats: δG at the stage u, ``(channel, pair, mode)``.
         step: coefficients of the step, ``(coefficient, field, mode)``.
-        linear: set to ``exp(hL/2) u``, for stage b.
-        rest: set to ``exp(hL/2) a - q N(u)``, for stage c.
-        end: set to ``exp(hL) u + first N(u)``, for the end of the step.
-        a: set to the next stage.
+        u: the columns at the start of the step.
+        a: set to ``exp(hL/2) u + q N(u)``.
+        b: set to ``exp(hL/2) u``.
+        c: set to ``exp(hL/2) a - q N(u)``.
+        end: set to ``exp(hL) u + first N(u)``.
+        spectra: set to the inputs of the slopes at stage a.
     """
+    rates = np.empty(TILE, u.dtype)
     for field in range(u.shape[0]):
-        full, half, q, first = step[0, field], step[1, field], step[2, field], step[3, field]
-        for column in range(u.shape[1]):
-            at, rate = u[field, column], n[field, column]
-            to_b, to_c, to_end = linear[field, column], rest[field, column], end[field, column]
-            to_a = a[field, column]
-            for k in range(len(at)):
-                driven = q[k] * rate[k]
-                damped = half[k] * at[k]
-                to_b[k] = damped
-                to_a[k] = damped + driven
-                to_c[k] = half[k] * (damped + driven) - driven
-                to_end[k] = full[k] * at[k] + first[k] * rate[k]
+        for begin, stop in equations.tiles:
+            full, half = step[0, field, begin:stop], step[1, field, begin:stop]
+            q, first = step[2, field, begin:stop], step[3, field, begin:stop]
+            for pair in range(u.shape[1]):
+                _set_rates(equations, sources, rows, hats, u, field, pair, begin, stop, rates)
+                at, to_a = u[field, pair, begin:stop], a[field, pair, begin:stop]
+                to_b, to_c = b[field, pair, begin:stop], c[field, pair, begin:stop]
+                to_end = end[field, pair, begin:stop]
+                for k in range(len(at)):
+                    driven = q[k] * rates[k]
+                    damped = half[k] * at[k]
+                    to_a[k] = damped + driven
+                    to_b[k] = damped
+                    to_c[k] = half[k] * (damped + driven) - driven
+                    to_end[k] = full[k] * at[k] + first[k] * rates[k]
+                _add_shifts(sources, shift, field, pair, begin, stop, a)
+                _send(equations, field, pair, begin, stop, a, spectra)
 
 
 @jit
-def middle_stage(base: Modes, n: Modes, q: Modes, middle: Modes, end: Modes, result: Modes) -> None:
-    """Set ``result = base + q n`` and add ``middle n`` to the end of the step."""
-    for field in range(base.shape[0]):
-        factor, weight = q[field], middle[field]
-        for column in range(base.shape[1]):
-            known, rate = base[field, column], n[field, column]
-            total, out = end[field, column], result[field, column]
-            for k in range(len(out)):
-                out[k] = known[k] + factor[k] * rate[k]
-                total[k] += weight[k] * rate[k]
+def middle_stage(
+    equations: Equations,
+    sources: PairSources,
+    rows: Modes,
+    shift: Modes,
+    hats: Modes,
+    q: Modes,
+    middle: Modes,
+    before: Modes,
+    stage: Modes,
+    end: Modes,
+    spectra: Modes,
+) -> None:
+    """Add ``q N`` to a stage, and ``middle N`` to the end of the step.
+
+    Args:
+        equations: of the columns, and so on until ``hats`` as in :func:`first_stage`.
+        sources: of the pairs.
+        rows: sources at the stage before.
+        shift: derivative of this stage with respect to L.
+        hats: δG at the stage before.
+        q: weight of the rate in this stage, ``(field, mode)``.
+        middle: its weight at the end of the step.
+        before: the stage at which the rate is.
+        stage: this stage.
+        end: the end of the step.
+        spectra: set to the inputs of the slopes at this stage.
+    """
+    rates = np.empty(TILE, stage.dtype)
+    for field in range(stage.shape[0]):
+        for begin, stop in equations.tiles:
+            weight, factor = middle[field, begin:stop], q[field, begin:stop]
+            for pair in range(stage.shape[1]):
+                _set_rates(equations, sources, rows, hats, before, field, pair, begin, stop, rates)
+                out, total = stage[field, pair, begin:stop], end[field, pair, begin:stop]
+                for k in range(len(out)):
+                    out[k] += factor[k] * rates[k]
+                    total[k] += weight[k] * rates[k]
+                _add_shifts(sources, shift, field, pair, begin, stop, stage)
+                _send(equations, field, pair, begin, stop, stage, spectra)
 
 
 @jit
-def last_stage(end: Modes, n: Modes, last: Modes, result: Modes) -> None:
-    """Set ``result = end + last n``."""
+def last_stage(
+    equations: Equations,
+    sources: PairSources,
+    rows: Modes,
+    shift: Modes,
+    hats: Modes,
+    last: Modes,
+    before: Modes,
+    end: Modes,
+    spectra: Modes,
+) -> None:
+    """Add ``last N`` to the end of the step; the arguments are those of :func:`middle_stage`."""
+    rates = np.empty(TILE, end.dtype)
     for field in range(end.shape[0]):
-        weight = last[field]
-        for column in range(end.shape[1]):
-            total, rate, out = end[field, column], n[field, column], result[field, column]
-            for k in range(len(out)):
-                out[k] = total[k] + weight[k] * rate[k]
+        for begin, stop in equations.tiles:
+            weight = last[field, begin:stop]
+            for pair in range(end.shape[1]):
+                _set_rates(equations, sources, rows, hats, before, field, pair, begin, stop, rates)
+                total = end[field, pair, begin:stop]
+                for k in range(len(total)):
+                    total[k] += weight[k] * rates[k]
+                _add_shifts(sources, shift, field, pair, begin, stop, end)
+                _send(equations, field, pair, begin, stop, end, spectra)
+
+
+@jit
+def _set_rates(
+    equations: Equations,
+    sources: PairSources,
+    rows: Modes,
+    hats: Modes,
+    modes: Modes,
+    field: int,
+    pair: int,
+    begin: int,
+    stop: int,
+    rates: Modes,
+) -> None:
+    """Set ``N'δu + θ`` of one equation, pair and tile."""
+    for k in range(stop - begin):
+        rates[k] = 0
+    for s in range(len(equations.channels)):
+        if equations.channels[s] == field:
+            symbol, hat = equations.channel_symbols[s, begin:stop], hats[s, pair, begin:stop]
+            for k in range(stop - begin):
+                rates[k] += symbol[k] * hat[k]
+    for s in range(len(equations.coupled)):
+        if equations.coupled[s, 0] == field:
+            coupling = equations.couplings[s, begin:stop]
+            other = modes[equations.coupled[s, 1], pair, begin:stop]
+            for k in range(stop - begin):
+                rates[k] += coupling[k] * other[k]
+    place = field * modes.shape[1] + pair
+    for s in range(sources.first_drive[place], sources.first_drive[place + 1]):
+        factor, row = sources.factors[s], rows[sources.rows[s], begin:stop]
+        for k in range(stop - begin):
+            rates[k] += factor * row[k]
+
+
+@jit
+def _add_shifts(
+    sources: PairSources, shift: Modes, field: int, pair: int, begin: int, stop: int, out: Modes
+) -> None:
+    """Add ``symbols[s] shift`` of one equation, pair and tile to a stage."""
+    place = field * out.shape[1] + pair
+    for s in range(sources.first_shift[place], sources.first_shift[place + 1]):
+        symbol, change = sources.symbols[s, begin:stop], shift[field, begin:stop]
+        total = out[field, pair, begin:stop]
+        for k in range(stop - begin):
+            total[k] += symbol[k] * change[k]
+
+
+@jit
+def _send(
+    equations: Equations,
+    field: int,
+    pair: int,
+    begin: int,
+    stop: int,
+    modes: Modes,
+    spectra: Modes,
+) -> None:
+    """Set the inputs that read one field, for one pair and tile."""
+    mode = modes[field, pair, begin:stop]
+    for s in range(len(equations.inputs)):
+        if equations.inputs[s] == field:
+            multiplier, result = equations.multipliers[s, begin:stop], spectra[s, pair, begin:stop]
+            for k in range(stop - begin):
+                result[k] = multiplier[k] * mode[k]

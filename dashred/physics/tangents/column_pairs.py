@@ -95,36 +95,6 @@ def power_of_two(sizes: Real) -> Real:
     return found
 
 
-def full_spectrum(half: Modes, shape: tuple[int, ...]) -> Modes:
-    """Return all modes of real fields, given those that a real transform keeps.
-
-    Symbols of operators are completed in the same way. A mode that is its own mirror image gets
-    the mean of itself and its conjugate, as a real transform takes it.
-
-    Args:
-        half: ``(…, *modes)``.
-        shape: of the grid.
-
-    Returns:
-        ``(…, *grid)``.
-    """
-    last, kept = shape[-1], half.shape[-1]
-    full = np.empty((*half.shape[:-1], last), dtype=half.dtype)
-    full[..., :kept] = half
-    axes = tuple(range(half.ndim - len(shape), half.ndim - 1))
-    # The mirror image of index k is -k: index 0 stays, the others are reversed.
-    count = last - kept
-    np.conjugate(_reversed(half[..., count:0:-1], axes), out=full[..., kept:])
-    own = [0, last // 2] if last % 2 == 0 else [0]
-    full[..., own] = (half[..., own] + np.conj(_reversed(half[..., own], axes))) / 2
-    return full
-
-
-def _reversed(values: Modes, axes: tuple[int, ...]) -> Modes:
-    """Return the values with index -k in the place of k along some axes."""
-    return np.roll(np.flip(values, axes), 1, axes) if axes else values
-
-
 def size_of_modes(modes: Modes) -> Real:
     """Return the rms on the grid of fields, given all modes ``(…, mode)``."""
     found: Real = np.sqrt(np.square(np.abs(modes)).sum(axis=-1)) / modes.shape[-1]

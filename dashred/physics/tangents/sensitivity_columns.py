@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.physics.expressions.algebra import Expr
+from dashred.physics.grids.full_spectrum import full_spectrum
 from dashred.physics.grids.transforms import from_full_modes, to_full_modes
 from dashred.physics.solvers.compiled.step import STAGES
 from dashred.physics.solvers.schedule import Step
 from dashred.physics.tangents import column_kernels as kernels
 from dashred.physics.tangents.column_pairs import (
     ColumnPairs,
-    full_spectrum,
     power_of_two,
     size_of_modes,
 )
@@ -25,6 +25,9 @@ from dashred.physics.tangents.semilinear_rhs import Modes, SemilinearTendency
 from dashred.physics.tangents.sources import Sources
 
 Real = NDArray[Any]
+
+# Modes between others that are computed although they are zero: short loops are slow.
+GAP = 64
 
 
 class StageBlock(NamedTuple):
@@ -46,6 +49,8 @@ class SensitivityIntegrator:
 
     Attributes:
         slopes: the expressions ∂G/∂v, in the order of ``StageBlock.slopes``.
+        reads, writes: index of the input and of the channel of each slope.
+        equations: the linearised equations.
         linear_terms: symbols of the sources that change L, ``(term, mode)``.
         mask: of the 2/3 rule, ``(mode,)``.
         coefficients: of ETDRK4 for a step length, ``(coefficient, field, mode)``; cached.
@@ -65,17 +70,20 @@ class SensitivityIntegrator:
         result = slopes_of(tendency)
         self.slopes: list[Expr] = [slope for _, _, slope in result]
         # Inputs and channels without a slope need no FFT.
-        channels, self._writes = renumber([channel for channel, _, _ in result])
-        inputs, self._reads = renumber([place for _, place, _ in result])
-        self._fields = tendency.inputs.fields[inputs]
-        self._multipliers = self._symbols(tendency.inputs.multipliers[inputs])
-        self._channel_symbols = self._symbols(tendency.channel_symbols[channels])
-        self._channel_equations = np.array(tendency.channel_equations, dtype=int)[channels]
+        channels, self.writes = renumber([channel for channel, _, _ in result])
+        inputs, self.reads = renumber([place for _, place, _ in result])
         couplings = [symbol for _, _, symbol in tendency.couplings]
-        self._couplings = self._symbols(np.array(couplings))
         pairs = [(equation, field) for equation, field, _ in tendency.couplings]
-        self._coupled = np.array(pairs, dtype=int).reshape(-1, 2).T.copy()
         self.mask = self.full(tendency.mask[None])[0].real
+        self.equations = kernels.Equations(
+            tiles=_tiles(self.mask),
+            channels=np.array(tendency.channel_equations, dtype=np.int64)[channels],
+            channel_symbols=self._symbols(tendency.channel_symbols[channels]),
+            coupled=np.array(pairs, dtype=np.int64).reshape(-1, 2),
+            couplings=self._symbols(np.array(couplings)),
+            inputs=tendency.inputs.fields[inputs],
+            multipliers=self._symbols(tendency.inputs.multipliers[inputs]),
+        )
         self.linear_terms = self.full(sources.symbols)
         self.coefficients = cache(
             lambda h: np.array([self._symbols(c) for c in tendency.coefficients(h)])
@@ -98,16 +106,29 @@ class SensitivityIntegrator:
         np.maximum.at(sizes, drives[:, 1], driven)
         moved = self.linear_terms[shifts[:, 2]] * block.shifts[:, shifts[:, 0]]
         np.maximum.at(sizes, shifts[:, 1], size_of_modes(moved).max(axis=0))
-        return Chunk(self, ColumnPairs(power_of_two(sizes), self.shape), points, drives, shifts)
+        pairs = ColumnPairs(power_of_two(sizes), self.shape)
+        return Chunk(self, pairs, points, self._of_pairs(pairs, drives, shifts))
 
     def full(self, modes: Modes) -> Modes:
         """Complete modes ``(…, *modes)`` and flatten their axes, in the columns' precision."""
-        full = full_spectrum(modes.astype(self.dtype, copy=False), self.shape)
+        full = full_spectrum(modes, self.shape, self.dtype)
         return full.reshape(*full.shape[: full.ndim - len(self.shape)], math.prod(self.shape))
 
     def _symbols(self, symbols: Modes) -> Modes:
         """Complete symbols ``(item, …, *modes)`` and flatten them to ``(item, mode)``."""
         return self.full(symbols.reshape(len(symbols), *self.tendency.mask.shape))
+
+    def _of_pairs(
+        self, pairs: ColumnPairs, drives: NDArray[np.int64], shifts: NDArray[np.int64]
+    ) -> kernels.PairSources:
+        """Return the sources of pairs, given their places ``(equation, column, index)``."""
+        fields = len(self.tendency.linear)
+        first_drive, rows, factors = _by_pair(pairs, drives, fields)
+        first_shift, terms, scales = _by_pair(pairs, shifts, fields)
+        symbols = self.linear_terms[terms] * scales[:, None]
+        return kernels.PairSources(
+            first_drive, rows, factors.astype(self.dtype), first_shift, symbols.astype(self.dtype)
+        )
 
 
 class Chunk:
@@ -117,8 +138,7 @@ class Chunk:
         integrator: of all columns.
         pairs: of these columns.
         points: their values at the first time, ``(field, column, *grid)``.
-        drives: places of the rows of sources among them, ``(source, 3)``.
-        shifts: places of the linear terms among them, ``(source, 3)``.
+        sources: of these pairs.
     """
 
     def __init__(
@@ -126,24 +146,18 @@ class Chunk:
         integrator: SensitivityIntegrator,
         pairs: ColumnPairs,
         points: Real,
-        drives: NDArray[np.int64],
-        shifts: NDArray[np.int64],
+        sources: kernels.PairSources,
     ) -> None:
-        self.integrator, self.pairs = integrator, pairs
-        self.drives, factors = pairs.places(drives)
-        self.factors = factors.astype(integrator.dtype)
-        self.shifts, factors = pairs.places(shifts)
-        symbols = integrator.linear_terms[self.shifts[:, 2]]
-        self.symbols = (symbols * factors[:, None]).astype(integrator.dtype)
-        fields, size = len(points), math.prod(integrator.shape)
-        memory = np.empty((5, fields, pairs.count, size), dtype=integrator.dtype)
-        self.n, self.linear, self.rest, self.end, self.stage = memory
-        inputs = len(integrator._fields), pairs.count, size
-        self.spectra = np.empty(inputs, dtype=integrator.dtype)
-        channels = len(integrator._channel_equations), pairs.count, size
-        self.channels = np.empty(channels, dtype=integrator.dtype)
-        modes = pairs.to_modes(points).reshape(self.n.shape)
-        self.modes: Modes = modes * integrator.mask
+        self.integrator, self.pairs, self.sources = integrator, pairs, sources
+        size = math.prod(integrator.shape)
+        modes = pairs.to_modes(points).reshape(len(points), pairs.count, size) * integrator.mask
+        self.modes: Modes = modes
+        # Modes that the 2/3 rule removes are never written, and stay zero.
+        self.end, *self.stages = np.zeros((4, *modes.shape), dtype=integrator.dtype)
+        inputs, channels = len(integrator.equations.inputs), len(integrator.equations.channels)
+        self.spectra = np.zeros((inputs, pairs.count, size), dtype=integrator.dtype)
+        self.channels = np.empty((channels, pairs.count, size), dtype=integrator.dtype)
+        kernels.gather_inputs(integrator.equations, self.modes, self.spectra)
 
     def advance(self, steps: Sequence[Step], block: StageBlock) -> list[Real]:
         """Integrate over a block of steps.
@@ -157,57 +171,39 @@ class Chunk:
         """
         outputs = []
         for i, step in enumerate(steps):
-            self.modes = self._step(self.integrator.coefficients(step.h), block, STAGES * i)
+            self._step(self.integrator.coefficients(step.h), block, STAGES * i)
             if step.ends:
-                shape = *self.n.shape[:2], *self.integrator.shape
+                shape = *self.modes.shape[:2], *self.integrator.shape
                 outputs.append(self.pairs.to_points(self.modes.reshape(shape)))
         return outputs
 
-    def _step(self, step: Modes, block: StageBlock, at: int) -> Modes:
-        """Return the columns after the step whose first stage has index ``at`` in the block."""
-        u = self.modes
+    def _step(self, step: Modes, block: StageBlock, at: int) -> None:
+        """Advance by the step whose first stage has index ``at`` in the block."""
+        u, end, (a, b, c) = self.modes, self.end, self.stages
         _, _, q, _, middle, last = step
-        self._tendency(u, block, at)
-        kernels.first_stage(u, self.n, step, self.linear, self.rest, self.end, self.stage)
-        self._shift(self.stage, block, at)
-        self._tendency(self.stage, block, at + 1)
-        kernels.middle_stage(self.linear, self.n, q, middle, self.end, self.stage)
-        self._shift(self.stage, block, at + 1)
-        self._tendency(self.stage, block, at + 2)
-        kernels.middle_stage(self.rest, self.n, 2 * q, middle, self.end, self.stage)
-        self._shift(self.stage, block, at + 2)
-        self._tendency(self.stage, block, at + 3)
-        result = np.empty_like(u)
-        kernels.last_stage(self.end, self.n, last, result)
-        self._shift(result, block, at + 3)
-        return result
+        equations, sources = self.integrator.equations, self.sources
 
-    def _shift(self, modes: Modes, block: StageBlock, at: int) -> None:
-        kernels.add_shifts(self.symbols, block.shifts[at], self.shifts, modes)
+        def given(stage: int) -> tuple[Any, ...]:
+            i = at + stage
+            hats = self._channels(block.slopes[i])
+            return equations, sources, block.rows[i], block.shifts[i], hats
 
-    def _tendency(self, modes: Modes, block: StageBlock, at: int) -> None:
-        """Set ``n`` to ``N'δu + θ``."""
+        kernels.first_stage(*given(0), step, u, a, b, c, end, self.spectra)
+        kernels.middle_stage(*given(1), q, middle, a, b, end, self.spectra)
+        kernels.middle_stage(*given(2), 2 * q, middle, b, c, end, self.spectra)
+        kernels.last_stage(*given(3), last, c, end, self.spectra)
+        self.modes, self.end = end, u
+
+    def _channels(self, slopes: Real) -> Modes:
+        """Return δG in modes, ``(channel, pair, mode)``, given the inputs in modes."""
         integrator = self.integrator
-        self.n[...] = 0
-        if len(integrator.slopes):
-            hats = self._channels(modes, block.slopes[at])
-            order = np.arange(len(hats))
-            kernels.add_products(
-                integrator._channel_symbols, hats, order, integrator._channel_equations, self.n
-            )
-        equations, fields = integrator._coupled
-        kernels.add_products(integrator._couplings, modes, fields, equations, self.n)
-        kernels.add_rows(block.rows[at], self.drives, self.factors, self.n)
-
-    def _channels(self, modes: Modes, slopes: Real) -> Modes:
-        """Return δG in modes, ``(channel, pair, mode)``."""
-        integrator = self.integrator
-        kernels.gather_products(modes, integrator._multipliers, integrator._fields, self.spectra)
+        if not len(integrator.slopes):
+            return self.channels
         grid = integrator.shape
-        inputs = from_full_modes(self.spectra.reshape(-1, *self.n.shape[1:2], *grid), len(grid))
+        inputs = from_full_modes(self.spectra.reshape(*self.spectra.shape[:2], *grid), len(grid))
         parts = (_both_parts(each.reshape(*each.shape[:2], -1)) for each in (inputs, self.channels))
         values, channels = parts
-        kernels.apply_slopes(values, slopes, integrator._reads, integrator._writes, channels)
+        kernels.apply_slopes(values, slopes, integrator.reads, integrator.writes, channels)
         hats = to_full_modes(self.channels.reshape(*self.channels.shape[:2], *grid), len(grid))
         return hats.reshape(*hats.shape[:2], -1)
 
@@ -215,6 +211,39 @@ class Chunk:
 def _both_parts(values: Modes) -> Real:
     """Return real and imaginary parts in turn, ``(…, 2 point)``; the same memory."""
     return values.view(values.real.dtype)
+
+
+def _tiles(mask: Real) -> NDArray[np.int64]:
+    """Return the first mode of each tile and the one after its last, ``(tile, 2)``.
+
+    The tiles cover all modes of a mask ``(mode,)``, and gaps of at most :data:`GAP`.
+    """
+    kept = np.flatnonzero(mask)
+    parts = np.split(kept, np.flatnonzero(np.diff(kept) > GAP) + 1)
+    return np.array(
+        [
+            (first, min(first + kernels.TILE, part[-1] + 1))
+            for part in parts
+            for first in range(part[0], part[-1] + 1, kernels.TILE)
+        ],
+        dtype=np.int64,
+    )
+
+
+def _by_pair(
+    pairs: ColumnPairs, places: NDArray[np.int64], fields: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Modes]:
+    """Sort the sources at some places by equation and pair.
+
+    Returns:
+        Index of the first source of each equation and pair, and their number at the end; the index
+        of each source, ``(source,)``; and its factor, ``(source,)``.
+    """
+    found, factors = pairs.places(places)
+    place = found[:, 0] * pairs.count + found[:, 1]
+    order = np.argsort(place, kind="stable")
+    first = np.searchsorted(place[order], np.arange(fields * pairs.count + 1))
+    return first.astype(np.int64), found[order, 2], factors[order]
 
 
 def slopes_of(tendency: SemilinearTendency) -> list[tuple[int, int, Expr]]:

@@ -34,7 +34,7 @@ from dashred.physics.tangents.reference_trajectory import (
     StageShifts,
     in_modes,
 )
-from dashred.physics.tangents.semilinear_rhs import Modes, SemilinearTendency
+from dashred.physics.tangents.semilinear_rhs import SemilinearTendency
 from dashred.physics.tangents.sensitivity_columns import (
     Chunk,
     SensitivityIntegrator,
@@ -200,18 +200,13 @@ class _LinearisedSystem:
         slopes, bodies = np.split(result, [len(self.columns.slopes)])
         rows = self.sources(bodies, modes, times, self.dtype)
         full = self.columns.full
+        points = math.prod(tendency.inputs.shape)
+        by_stage = slopes.reshape(*slopes.shape[:2], points).swapaxes(0, 1)
         return StageBlock(
-            _by_stage(slopes).astype(self.dtype),
-            _by_stage(full(rows)),
-            _by_stage(full(self.shifts(steps, stages))),
+            np.ascontiguousarray(by_stage, dtype=self.dtype),
+            full(rows.swapaxes(0, 1)),
+            full(self.shifts(steps, stages).swapaxes(0, 1)),
         )
-
-
-def _by_stage(result: Modes) -> Modes:
-    """Reorder ``(item, stage, …)`` to a contiguous ``(stage, item, point)``."""
-    items, stages = result.shape[:2]
-    size = math.prod(result.shape[2:])
-    return np.ascontiguousarray(result.reshape(items, stages, size).swapaxes(0, 1))
 
 
 def _blocks(steps: Iterator[Step], size: int) -> Iterator[list[Step]]:
