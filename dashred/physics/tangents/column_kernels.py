@@ -103,8 +103,7 @@ def gather_inputs(equations: Equations, modes: Modes, spectra: Modes) -> None:
 
 @jit
 def first_stage(
-    equations: Equations,
-    sources: PairSources,
+    own: tuple[Equations, PairSources],
     rows: Modes,
     shift: Modes,
     hats: Modes,
@@ -119,8 +118,7 @@ def first_stage(
     """Compute stage a, and begin the later stages.
 
     Args:
-        equations: of the columns.
-        sources: of the pairs.
+        own: the equations, and the sources of the pairs.
         rows: sources at the stage u, ``(row, mode)``.
         shift: derivative of stage a with respect to L, ``(field, mode)``.
         hats: δG at the stage u, ``(channel, pair, mode)``.
@@ -132,6 +130,7 @@ def first_stage(
         end: set to ``exp(hL) u + first N(u)``.
         spectra: set to the inputs of the slopes at stage a.
     """
+    equations, sources = own
     rates = np.empty(TILE, u.dtype)
     for field in range(u.shape[0]):
         for begin, stop in equations.tiles:
@@ -155,8 +154,7 @@ def first_stage(
 
 @jit
 def middle_stage(
-    equations: Equations,
-    sources: PairSources,
+    own: tuple[Equations, PairSources],
     rows: Modes,
     shift: Modes,
     hats: Modes,
@@ -170,8 +168,7 @@ def middle_stage(
     """Add ``q N`` to a stage, and ``middle N`` to the end of the step.
 
     Args:
-        equations: of the columns, and so on until ``hats`` as in :func:`first_stage`.
-        sources: of the pairs.
+        own: the equations, and the sources of the pairs.
         rows: sources at the stage before.
         shift: derivative of this stage with respect to L.
         hats: δG at the stage before.
@@ -182,6 +179,7 @@ def middle_stage(
         end: the end of the step.
         spectra: set to the inputs of the slopes at this stage.
     """
+    equations, sources = own
     rates = np.empty(TILE, stage.dtype)
     for field in range(stage.shape[0]):
         for begin, stop in equations.tiles:
@@ -198,8 +196,7 @@ def middle_stage(
 
 @jit
 def last_stage(
-    equations: Equations,
-    sources: PairSources,
+    own: tuple[Equations, PairSources],
     rows: Modes,
     shift: Modes,
     hats: Modes,
@@ -209,6 +206,7 @@ def last_stage(
     spectra: Modes,
 ) -> None:
     """Add ``last N`` to the end of the step; the arguments are those of :func:`middle_stage`."""
+    equations, sources = own
     rates = np.empty(TILE, end.dtype)
     for field in range(end.shape[0]):
         for begin, stop in equations.tiles:

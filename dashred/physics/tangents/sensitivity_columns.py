@@ -179,19 +179,21 @@ class Chunk:
 
     def _step(self, step: Modes, block: StageBlock, at: int) -> None:
         """Advance by the step whose first stage has index ``at`` in the block."""
-        u, end, (a, b, c) = self.modes, self.end, self.stages
+        u, end, (a, b, c), spectra = self.modes, self.end, self.stages, self.spectra
         _, _, q, _, middle, last = step
-        equations, sources = self.integrator.equations, self.sources
-
-        def given(stage: int) -> tuple[Any, ...]:
-            i = at + stage
-            hats = self._channels(block.slopes[i])
-            return equations, sources, block.rows[i], block.shifts[i], hats
-
-        kernels.first_stage(*given(0), step, u, a, b, c, end, self.spectra)
-        kernels.middle_stage(*given(1), q, middle, a, b, end, self.spectra)
-        kernels.middle_stage(*given(2), 2 * q, middle, b, c, end, self.spectra)
-        kernels.last_stage(*given(3), last, c, end, self.spectra)
+        own, rows, shifts = (self.integrator.equations, self.sources), block.rows, block.shifts
+        slopes = block.slopes
+        hats = self._channels(slopes[at])
+        kernels.first_stage(own, rows[at], shifts[at], hats, step, u, a, b, c, end, spectra)
+        at += 1
+        hats = self._channels(slopes[at])
+        kernels.middle_stage(own, rows[at], shifts[at], hats, q, middle, a, b, end, spectra)
+        at += 1
+        hats = self._channels(slopes[at])
+        kernels.middle_stage(own, rows[at], shifts[at], hats, 2 * q, middle, b, c, end, spectra)
+        at += 1
+        hats = self._channels(slopes[at])
+        kernels.last_stage(own, rows[at], shifts[at], hats, last, c, end, spectra)
         self.modes, self.end = end, u
 
     def _channels(self, slopes: Real) -> Modes:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from functools import partial
-from itertools import islice
+from itertools import islice, pairwise
 from typing import Any
 
 import numpy as np
@@ -119,8 +119,7 @@ def tangent_linear(
     tangents = torch.zeros((count, *start.shape), dtype=dtype, device=start.device)
     tangents[: len(directions)] = directions
     yield start, tangents[chosen.start : chosen.stop]
-    size = columns_together(start.numel())
-    every = [range(i, min(i + size, count)) for i in range(0, count, size)]
+    every = columns_together(count, start.numel())
     chunks = [c for c in every if c.start < chosen.stop and chosen.start < c.stop]
     first, last = (chunks[0].start, chunks[-1].stop) if chunks else (chosen.start, chosen.start)
     tendency = SemilinearTendency(system, forcing, sampled_forcing)
@@ -157,9 +156,22 @@ def tangent_linear(
             yield torch.from_numpy(state[:, 0]).to(start.device), out[inside].to(start.device)
 
 
-def columns_together(values: int) -> int:
-    """Return how many columns are integrated together, for the number of values of a state."""
-    return max(1, COLUMN_POINTS // values)
+def columns_together(count: int, values: int) -> list[range]:
+    """Return which columns are integrated together.
+
+    If they are too many for one chunk, the number of chunks is even where the columns suffice, so
+    that two processors have the same work.
+
+    Args:
+        count: number of columns.
+        values: number of values of a state.
+    """
+    most = max(1, COLUMN_POINTS // values)
+    chunks = 1 if count <= most else min(2 * math.ceil(count / (2 * most)), count)
+    # Even numbers of columns, because columns are integrated in pairs.
+    even = 2 if count >= 2 * chunks else 1
+    edges = [even * round(i * count / (even * chunks)) for i in range(chunks)]
+    return [range(first, last) for first, last in pairwise([*edges, count])]
 
 
 def _advance_chunk(
