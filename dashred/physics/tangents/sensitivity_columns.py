@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dashred.core.work import count_transforms
 from dashred.physics.expressions.algebra import Expr
 from dashred.physics.grids.full_spectrum import full_spectrum
-from dashred.physics.grids.transforms import from_full_modes, to_full_modes
 from dashred.physics.solvers.compiled.step import STAGES
 from dashred.physics.solvers.schedule import Step
 from dashred.physics.tangents import column_kernels as kernels
@@ -30,7 +30,7 @@ Real = NDArray[Any]
 GAP = 64
 
 
-class StageBlock(NamedTuple):
+class StageData(NamedTuple):
     """Data of the reference trajectory at the stages of some steps; grid axes are flattened.
 
     Attributes:
@@ -48,12 +48,10 @@ class SensitivityIntegrator:
     """Integrates ``δu' = Lδu + N'(u)δu + θ`` with ETDRK4.
 
     Attributes:
-        slopes: the expressions ∂G/∂v, in the order of ``StageBlock.slopes``.
-        reads, writes: index of the input and of the channel of each slope.
+        slopes: the expressions ∂G/∂v, in the order of ``StageData.slopes``.
         equations: the linearised equations.
         linear_terms: symbols of the sources that change L, ``(term, mode)``.
         mask: of the 2/3 rule, ``(mode,)``.
-        coefficients: of ETDRK4 for a step length, ``(coefficient, field, mode)``; cached.
 
     Args:
         tendency: L and N of the equations.
@@ -70,8 +68,8 @@ class SensitivityIntegrator:
         result = slopes_of(tendency)
         self.slopes: list[Expr] = [slope for _, _, slope in result]
         # Inputs and channels without a slope need no FFT.
-        channels, self.writes = renumber([channel for channel, _, _ in result])
-        inputs, self.reads = renumber([place for _, place, _ in result])
+        channels, writes = renumber([channel for channel, _, _ in result])
+        inputs, reads = renumber([place for _, place, _ in result])
         couplings = [symbol for _, _, symbol in tendency.couplings]
         pairs = [(equation, field) for equation, field, _ in tendency.couplings]
         self.mask = self.full(tendency.mask[None])[0].real
@@ -83,31 +81,45 @@ class SensitivityIntegrator:
             couplings=self._symbols(np.array(couplings)),
             inputs=tendency.inputs.fields[inputs],
             multipliers=self._symbols(tendency.inputs.multipliers[inputs]),
+            reads=reads,
+            writes=writes,
+            axes=np.arange(2, 2 + len(self.shape)),
         )
         self.linear_terms = self.full(sources.symbols)
-        self.coefficients = cache(
-            lambda h: np.array([self._symbols(c) for c in tendency.coefficients(h)])
-        )
+        self._coefficients = cache(self._coefficients_of)
 
-    def begin(self, points: Real, chunk: range, block: StageBlock, span: float) -> Chunk:
-        """Return some columns at the first time.
+    def begin(self, points: Real, first: int, count: int, data: StageData, span: float) -> Groups:
+        """Return columns at the first time.
 
         Args:
             points: their values, ``(field, column, *grid)``.
-            chunk: their indices.
-            block: data of the reference trajectory over the first steps.
+            first: index of the first of them among all columns.
+            count: number of pairs in a group.
+            data: of the reference trajectory over the first steps.
             span: duration of these steps.
         """
-        sources = self.sources
-        shifts, drives = (select_columns(p, chunk) for p in (sources.shifts, sources.drives))
+        sources, chosen = self.sources, range(first, first + points.shape[1])
+        shifts, drives = (select_columns(p, chosen) for p in (sources.shifts, sources.drives))
         axes = (0, *range(2, points.ndim))
         sizes = np.sqrt(np.square(points.astype(np.float64)).mean(axis=axes))
-        driven = span * size_of_modes(block.rows[:, drives[:, 2]]).max(axis=0)
+        driven = span * size_of_modes(data.rows[:, drives[:, 2]]).max(axis=0)
         np.maximum.at(sizes, drives[:, 1], driven)
-        moved = self.linear_terms[shifts[:, 2]] * block.shifts[:, shifts[:, 0]]
+        moved = self.linear_terms[shifts[:, 2]] * data.shifts[:, shifts[:, 0]]
         np.maximum.at(sizes, shifts[:, 1], size_of_modes(moved).max(axis=0))
-        pairs = ColumnPairs(power_of_two(sizes), self.shape)
-        return Chunk(self, pairs, points, self._of_pairs(pairs, drives, shifts))
+        # Those of a group depend on no other group, because others may be integrated elsewhere.
+        each = [power_of_two(sizes[i : i + 2 * count]) for i in range(0, len(sizes), 2 * count)]
+        pairs = ColumnPairs(np.concatenate(each), self.shape)
+        return Groups(self, pairs, points, count, drives, shifts)
+
+    def block(self, steps: Sequence[Step], data: StageData) -> kernels.Block:
+        """Return what the columns need for some steps."""
+        lengths = tuple(dict.fromkeys(step.h for step in steps))
+        return kernels.Block(
+            np.array([lengths.index(step.h) for step in steps], dtype=np.int64),
+            np.array([step.ends for step in steps]),
+            self._coefficients(lengths),
+            *data,
+        )
 
     def full(self, modes: Modes) -> Modes:
         """Complete modes ``(…, *modes)`` and flatten their axes, in the columns' precision."""
@@ -118,27 +130,21 @@ class SensitivityIntegrator:
         """Complete symbols ``(item, …, *modes)`` and flatten them to ``(item, mode)``."""
         return self.full(symbols.reshape(len(symbols), *self.tendency.mask.shape))
 
-    def _of_pairs(
-        self, pairs: ColumnPairs, drives: NDArray[np.int64], shifts: NDArray[np.int64]
-    ) -> kernels.PairSources:
-        """Return the sources of pairs, given their places ``(equation, column, index)``."""
-        fields = len(self.tendency.linear)
-        first_drive, rows, factors = _by_pair(pairs, drives, fields)
-        first_shift, terms, scales = _by_pair(pairs, shifts, fields)
-        symbols = self.linear_terms[terms] * scales[:, None]
-        return kernels.PairSources(
-            first_drive, rows, factors.astype(self.dtype), first_shift, symbols.astype(self.dtype)
-        )
+    def _coefficients_of(self, lengths: tuple[float, ...]) -> Modes:
+        known = [self.tendency.coefficients(h) for h in lengths]
+        return np.array([[self._symbols(c) for c in (*each, 2 * each[2])] for each in known])
 
 
-class Chunk:
-    """Columns that are integrated together, in pairs, with their work arrays.
+class Groups:
+    """Columns in groups of pairs, of which any can be integrated at once.
 
     Args:
         integrator: of all columns.
         pairs: of these columns.
         points: their values at the first time, ``(field, column, *grid)``.
-        sources: of these pairs.
+        count: number of pairs in a group; the last one is completed by columns of zeros.
+        drives: places of the rows of sources among them, ``(source, 3)``.
+        shifts: places of the linear terms among them, ``(source, 3)``.
     """
 
     def __init__(
@@ -146,68 +152,76 @@ class Chunk:
         integrator: SensitivityIntegrator,
         pairs: ColumnPairs,
         points: Real,
-        sources: kernels.PairSources,
+        count: int,
+        drives: NDArray[np.int64],
+        shifts: NDArray[np.int64],
     ) -> None:
-        self.integrator, self.pairs, self.sources = integrator, pairs, sources
+        self.integrator, self.dtype = integrator, integrator.dtype
+        self.fields, self.pairs, self.groups = len(points), count, -(-pairs.count // count)
+        self.scales = pairs.scales.astype(points.dtype)
         size = math.prod(integrator.shape)
-        modes = pairs.to_modes(points).reshape(len(points), pairs.count, size) * integrator.mask
-        self.modes: Modes = modes
-        # Modes that the 2/3 rule removes are never written, and stay zero.
-        self.end, *self.stages = np.zeros((4, *modes.shape), dtype=integrator.dtype)
-        inputs, channels = len(integrator.equations.inputs), len(integrator.equations.channels)
-        self.spectra = np.zeros((inputs, pairs.count, size), dtype=integrator.dtype)
-        self.channels = np.empty((channels, pairs.count, size), dtype=integrator.dtype)
-        kernels.gather_inputs(integrator.equations, self.modes, self.spectra)
+        modes = pairs.to_modes(points).reshape(self.fields, pairs.count, size) * integrator.mask
+        whole = np.zeros((self.fields, self.groups * count, size), dtype=self.dtype)
+        whole[:, : pairs.count] = modes
+        parts = whole.reshape(self.fields, self.groups, count, size).swapaxes(0, 1)
+        self.modes = np.ascontiguousarray(parts)
+        first_drive, rows, factors = self._by_place(pairs, drives)
+        first_shift, terms, scales = self._by_place(pairs, shifts)
+        self.sources = kernels.PairSources(
+            first_drive,
+            rows,
+            factors.astype(self.dtype),
+            first_shift,
+            (integrator.linear_terms[terms] * scales[:, None]).astype(self.dtype),
+        )
 
-    def advance(self, steps: Sequence[Step], block: StageBlock) -> list[Real]:
-        """Integrate over a block of steps.
+    def advance(self, part: range, block: kernels.Block, work: kernels.Work, result: Real) -> None:
+        """Integrate some groups over a block of steps.
 
         Args:
-            steps: the time steps.
-            block: data of the reference trajectory.
+            part: the groups.
+            block: the steps.
+            work: arrays that no other thread uses.
+            result: set to their columns at output times, ``(output, column, field, point)``.
+        """
+        equations, grid = self.integrator.equations, self.integrator.shape
+        own = equations, self.sources, block, work
+        modes_grid = self.modes.reshape(*self.modes.shape[:3], *grid)
+        columns = self.modes, modes_grid, self.scales
+        kernels.advance_groups(part.start, part.stop, own, columns, result)
+        transforms = len(equations.multipliers) + len(equations.channels)
+        made = STAGES * len(block.lengths) * transforms + int(block.ends.sum()) * self.fields
+        count_transforms(2 * len(part) * self.pairs * made, math.prod(grid))
+
+    def work(self) -> kernels.Work:
+        """Return arrays for one thread."""
+        equations, grid = self.integrator.equations, self.integrator.shape
+        items = len(equations.multipliers), len(equations.channels), self.fields
+        inputs, channels, fields = ((count, self.pairs, *grid) for count in items)
+        # Modes that the 2/3 rule removes are never written, and stay zero.
+        stages = np.zeros((STAGES, self.fields, *self.modes.shape[2:]), dtype=self.dtype)
+        both = [np.zeros(s, dtype=self.dtype) for s in (inputs, inputs, channels, channels, fields)]
+        flat = [each.reshape(*each.shape[:2], math.prod(grid)) for each in both]
+        spectra, values, changes, hats, points = flat
+        real = [_both_parts(each) for each in (values, changes, points)]
+        return kernels.Work(stages, spectra, real[0], real[1], hats, real[2], *both)
+
+    def _by_place(
+        self, pairs: ColumnPairs, places: NDArray[np.int64]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], Modes]:
+        """Sort sources by group, equation and pair.
 
         Returns:
-            The columns at output times, ``(field, column, *grid)``.
+            Index of the first source of each place, and their number at the end; the index of each
+            source, ``(source,)``; and its factor, ``(source,)``.
         """
-        outputs = []
-        for i, step in enumerate(steps):
-            self._step(self.integrator.coefficients(step.h), block, STAGES * i)
-            if step.ends:
-                shape = *self.modes.shape[:2], *self.integrator.shape
-                outputs.append(self.pairs.to_points(self.modes.reshape(shape)))
-        return outputs
-
-    def _step(self, step: Modes, block: StageBlock, at: int) -> None:
-        """Advance by the step whose first stage has index ``at`` in the block."""
-        u, end, (a, b, c), spectra = self.modes, self.end, self.stages, self.spectra
-        _, _, q, _, middle, last = step
-        own, rows, shifts = (self.integrator.equations, self.sources), block.rows, block.shifts
-        slopes = block.slopes
-        hats = self._channels(slopes[at])
-        kernels.first_stage(own, rows[at], shifts[at], hats, step, u, a, b, c, end, spectra)
-        at += 1
-        hats = self._channels(slopes[at])
-        kernels.middle_stage(own, rows[at], shifts[at], hats, q, middle, a, b, end, spectra)
-        at += 1
-        hats = self._channels(slopes[at])
-        kernels.middle_stage(own, rows[at], shifts[at], hats, 2 * q, middle, b, c, end, spectra)
-        at += 1
-        hats = self._channels(slopes[at])
-        kernels.last_stage(own, rows[at], shifts[at], hats, last, c, end, spectra)
-        self.modes, self.end = end, u
-
-    def _channels(self, slopes: Real) -> Modes:
-        """Return δG in modes, ``(channel, pair, mode)``, given the inputs in modes."""
-        integrator = self.integrator
-        if not len(integrator.slopes):
-            return self.channels
-        grid = integrator.shape
-        inputs = from_full_modes(self.spectra.reshape(*self.spectra.shape[:2], *grid), len(grid))
-        parts = (_both_parts(each.reshape(*each.shape[:2], -1)) for each in (inputs, self.channels))
-        values, channels = parts
-        kernels.apply_slopes(values, slopes, integrator.reads, integrator.writes, channels)
-        hats = to_full_modes(self.channels.reshape(*self.channels.shape[:2], *grid), len(grid))
-        return hats.reshape(*hats.shape[:2], -1)
+        found, factors = pairs.places(places)
+        group, pair = np.divmod(found[:, 1], self.pairs)
+        place = (group * self.fields + found[:, 0]) * self.pairs + pair
+        order = np.argsort(place, kind="stable")
+        bounds = np.arange(self.groups * self.fields * self.pairs + 1)
+        first = np.searchsorted(place[order], bounds).astype(np.int64)
+        return first, found[order, 2], factors[order]
 
 
 def _both_parts(values: Modes) -> Real:
@@ -230,22 +244,6 @@ def _tiles(mask: Real) -> NDArray[np.int64]:
         ],
         dtype=np.int64,
     )
-
-
-def _by_pair(
-    pairs: ColumnPairs, places: NDArray[np.int64], fields: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], Modes]:
-    """Sort the sources at some places by equation and pair.
-
-    Returns:
-        Index of the first source of each equation and pair, and their number at the end; the index
-        of each source, ``(source,)``; and its factor, ``(source,)``.
-    """
-    found, factors = pairs.places(places)
-    place = found[:, 0] * pairs.count + found[:, 1]
-    order = np.argsort(place, kind="stable")
-    first = np.searchsorted(place[order], np.arange(fields * pairs.count + 1))
-    return first.astype(np.int64), found[order, 2], factors[order]
 
 
 def slopes_of(tendency: SemilinearTendency) -> list[tuple[int, int, Expr]]:

@@ -25,8 +25,7 @@ COMPILED = (
     spectral.integrate_stages,
     cells.integrate_batch,
     cells.integrate_stages,
-    column_kernels.apply_slopes,
-    column_kernels.first_stage,
+    column_kernels.advance_groups,
 )
 KINDS = {
     "ode": ("", "x: v, v: -k*sin(x)", "x: 1, v: 0"),

@@ -1,43 +1,41 @@
-"""Blocks of the columns of a large Jacobian, computed side by side.
+"""Blocks of the columns of a large Jacobian, which the workers of a cluster compute.
 
-Workers of a cluster compute them, or copies of this process if it may use several threads. Each
-integrates the trajectory, which is a small part of the work, and its blocks of columns along it.
-The blocks depend on the problem alone, so that the bits of the Jacobian depend neither on where
-they are computed nor on how many compute them.
+Each worker integrates the trajectory, which is a small part of the work, and its blocks of columns
+along it. The blocks depend on the problem alone, so that the bits of the Jacobian depend neither
+on the number of workers nor on whether there is a cluster.
 """
 
 from __future__ import annotations
 
 import time
 from collections import Counter
-from functools import partial
-from itertools import pairwise
 
 import torch
 from torch import Tensor
 
 from dashred.core.budget import NEVER, Deadline
 from dashred.core.cluster.calls import ClusterCalls, cluster_in_use
-from dashred.core.threads import in_threads, thread_count
+from dashred.core.threads import in_threads
 from dashred.core.work import add_work, counted
-from dashred.inference.forward.columns.forks import can_fork, in_forks
 from dashred.inference.forward.columns.tangent_columns import TangentColumns, TangentPoint
 from dashred.inference.forward.episodes import without_padding
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.forward.law_block import LawBlock
 from dashred.inference.forward.sensor_block import SensorBlock
-from dashred.inference.forward.simulator import BLOCK_SIZE, Simulator
+from dashred.inference.forward.simulator import Simulator
 from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.solvers.schedule import count_steps
 from dashred.physics.tangents.tangent_linear import columns_together
 
-# Columns times their steps and the values of a state from which a Jacobian is divided. So many take
-# 0.3 s on a plane. A call, or a copy of the process, takes some hundredths of a second.
-LARGE = 8e6
+# Columns times their steps and the values of a state from which a Jacobian is divided. On a core of
+# an AMD EPYC so many took 0.7 s on a line. A call takes some hundredths of a second.
+LARGE = 2e7
+# Columns of a block times the values of a state.
+BLOCK_POINTS = 2**17
 
 
 def is_large(columns: TangentColumns) -> bool:
-    """Return whether a Jacobian is worth several processes."""
+    """Return whether a Jacobian is worth the workers of a cluster."""
     simulator = columns.simulator
     clocks = [without_padding(clock).tolist() for clock in columns.times.T]
     steps = sum(count_steps(clock, simulator.tangent.dt) for clock in clocks)
@@ -46,18 +44,20 @@ def is_large(columns: TangentColumns) -> bool:
 
 def column_blocks(columns: TangentColumns) -> list[slice]:
     """Return the blocks of columns that are integrated and read together."""
-    values = columns.simulator.values
-    chunks = columns_together(columns.count, values)
-    # Each is read one sample at a time, whichever others are.
-    if not is_large(columns) or min(map(len, chunks)) * values < BLOCK_SIZE:
-        return [slice(0, columns.count)]
-    return [slice(chunk.start, chunk.stop) for chunk in chunks]
+    count, values = columns.count, columns.simulator.values
+    group = columns_together(count, values)
+    size = group * max(1, BLOCK_POINTS // (group * values))
+    if count < 2 * size or not is_large(columns):
+        return [slice(0, count)]
+    # The last block is no shorter than the others: all are read one sample at a time.
+    begins = range(0, count - size + 1, size)
+    return [slice(b, e) for b, e in zip(begins, [*begins[1:], count], strict=True)]
 
 
 def compute_columns(
     columns: TangentColumns, point: TangentPoint, deadline: Deadline = NEVER
 ) -> Tensor:
-    """Return all columns at a point, ``(time, sensor, column)``.
+    """Return all columns at a point, ``(time, sensor, column)``, from a cluster if one is in use.
 
     Args:
         columns: of the forward model.
@@ -69,11 +69,9 @@ def compute_columns(
         InputError: the scheduler of the cluster is lost, or its workers die.
     """
     blocks, calls = column_blocks(columns), cluster_in_use()
-    if len(blocks) > 1 and calls is not None:
-        return _on_workers(calls, columns, point, blocks, deadline)
-    if len(blocks) > 1 and thread_count() > 1 and can_fork():
-        return _in_forks(columns, point, blocks, deadline)
-    return columns.at(point, blocks, deadline)
+    if calls is None or len(blocks) == 1:
+        return columns.at(point, blocks, deadline)
+    return _on_workers(calls, columns, point, blocks, deadline)
 
 
 def _on_workers(
@@ -83,42 +81,22 @@ def _on_workers(
     blocks: list[slice],
     deadline: Deadline,
 ) -> Tensor:
-    groups = _groups(blocks, calls.count)
+    groups = min(calls.count, len(blocks))
+    edges = [round(i * len(blocks) / groups) for i in range(groups + 1)]
     kept = columns.simulator, columns.start, columns.sensors
     own = columns.tendency, columns.times, columns.forcing
     found: dict[int, tuple[Tensor, Counter[str]]] = {}
 
     def run(i: int) -> None:
         seconds = deadline.at - time.monotonic()
-        found[i] = calls.call_with(kept, columns_on_worker, own, point, groups[i], seconds)
+        mine = blocks[edges[i] : edges[i + 1]]
+        found[i] = calls.call_with(kept, columns_on_worker, own, point, mine, seconds)
 
-    for _ in in_threads(run, len(groups), len(groups)):
+    for _ in in_threads(run, groups, groups):
         deadline.check()
     for _, work in found.values():
         add_work(work)
-    return torch.cat([found[i][0] for i in range(len(groups))], dim=-1)
-
-
-def _groups(blocks: list[slice], most: int) -> list[list[slice]]:
-    """Return the blocks in at most so many groups of similar sizes."""
-    count = min(most, len(blocks))
-    edges = [round(i * len(blocks) / count) for i in range(count + 1)]
-    return [blocks[first:last] for first, last in pairwise(edges)]
-
-
-def _in_forks(
-    columns: TangentColumns, point: TangentPoint, blocks: list[slice], deadline: Deadline
-) -> Tensor:
-    groups = _groups(blocks, thread_count())
-
-    def task(mine: list[slice]) -> tuple[Tensor, Counter[str]]:
-        with counted() as work, torch.no_grad():
-            return columns.at(point, mine, deadline), work
-
-    found = in_forks([partial(task, group) for group in groups])
-    for _, work in found:
-        add_work(work)
-    return torch.cat([part for part, _ in found], dim=-1)
+    return torch.cat([found[i][0] for i in range(groups)], dim=-1)
 
 
 def columns_on_worker(

@@ -23,7 +23,6 @@ from dashred.inference.forward.law_block import LawBlock
 from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
 from dashred.physics.forcing_basis import ForcingBasis
-from dashred.physics.tangents.tangent_linear import COLUMN_POINTS
 from tests import waves
 
 # 2048 values of a state: 64 columns stand in a block.
@@ -124,7 +123,7 @@ def test_blocks_depend_on_the_problem_alone(model, monkeypatch) -> None:
 
     monkeypatch.setattr(TangentColumns, "at", spy)
     columns = jacobian(model).shape[-1]
-    size = COLUMN_POINTS // VALUES
+    size = module.BLOCK_POINTS // VALUES // 2 * 2
     [blocks] = seen
     assert [b.start for b in blocks] == [size * i for i in range(columns // size)]
     assert [b.stop for b in blocks] == [*(b.start for b in blocks[1:]), columns]
