@@ -6,7 +6,6 @@ All of them are counted (:mod:`dashred.core.work`), a complex one as two real on
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -51,25 +50,13 @@ def from_modes(modes: NDArray[np.complex128], shape: tuple[int, ...]) -> NDArray
 
 def to_full_modes(points: NDArray[Any], rank: int) -> NDArray[Any]:
     """Return all modes ``(…, *grid)`` of complex values ``(…, *grid)`` with ``rank`` axes."""
-    return _transformed(points, rank, torch.fft.fftn, fft.fftn)
-
-
-def from_full_modes(modes: NDArray[Any], rank: int) -> NDArray[Any]:
-    """Return the complex values ``(…, *grid)`` of all modes; the inverse of the above."""
-    return _transformed(modes, rank, torch.fft.ifftn, fft.ifftn)
-
-
-def _transformed(
-    values: NDArray[Any], rank: int, large: Callable[..., Tensor], small: Callable[..., Any]
-) -> NDArray[Any]:
-    """Return a complex transform over the last axes, by torch's or SciPy's function."""
     found: Any
     axes = tuple(range(-rank, 0))
-    _count(2 * values.size, values.shape[-rank:])
-    if values.size >= MIN_TORCH_SIZE:
-        found = large(torch.from_numpy(values), dim=axes).numpy()
+    _count(2 * points.size, points.shape[-rank:])
+    if points.size >= MIN_TORCH_SIZE:
+        found = torch.fft.fftn(torch.from_numpy(points), dim=axes).numpy()
     else:
-        found = small(values, axes=axes)
+        found = fft.fftn(points, axes=axes)
     return found
 
 

@@ -15,7 +15,8 @@ from dashred.physics.cells import compiled_step as cells
 from dashred.physics.solvers.compiled import runge_kutta as ode
 from dashred.physics.solvers.compiled import step as spectral
 from dashred.physics.system import System
-from dashred.physics.tangents import column_kernels, ode_columns
+from dashred.physics.tangents import ode_columns
+from dashred.physics.tangents.spectral_columns import kernels
 from dashred.physics.terms.library import build_library
 
 COMPILED = (
@@ -25,7 +26,7 @@ COMPILED = (
     spectral.integrate_stages,
     cells.integrate_batch,
     cells.integrate_stages,
-    column_kernels.advance_groups,
+    kernels.advance_groups,
 )
 KINDS = {
     "ode": ("", "x: v, v: -k*sin(x)", "x: 1, v: 0"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dashred.physics.grids.full_spectrum import full_spectrum
-from dashred.physics.tangents.column_pairs import size_of_modes
+from dashred.physics.tangents.spectral_columns.pairs import size_of_modes
 
 SHAPES = [(8,), (9,), (6, 8), (5, 6), (6, 9), (4, 5, 6)]
 

@@ -12,12 +12,7 @@ from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import Term
 from dashred.physics.tangents.sources import Sources
-from dashred.physics.tangents.tangent_linear import (
-    GROUP_POINTS,
-    columns_together,
-    has_spectral_tangents,
-    tangent_linear,
-)
+from dashred.physics.tangents.tangent_linear import has_spectral_tangents, tangent_linear
 from dashred.physics.terms.library import resolve
 
 TIMES = torch.tensor([0.5, 0.6, 0.93, 1.0, 1.7]).double()
@@ -166,26 +161,16 @@ def test_chunks_of_steps_and_columns_change_nothing(case, monkeypatch):
     system, forcing, sources = case
     states, whole = jacobian(system, forcing, sources)
     monkeypatch.setattr("dashred.physics.tangents.tangent_linear.POINTS_AT_ONCE", 1)
-    monkeypatch.setattr("dashred.physics.tangents.tangent_linear.GROUP_POINTS", 1)
+    monkeypatch.setattr("dashred.physics.tangents.spectral_columns.threads.GROUP_POINTS", 1)
     same, pieces = jacobian(system, forcing, sources)
     torch.testing.assert_close(same, states, rtol=1e-10, atol=1e-10)
     torch.testing.assert_close(pieces, whole, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("values", [1, 512, 4096, GROUP_POINTS, 3 * GROUP_POINTS])
-@pytest.mark.parametrize("count", [0, 1, 2, 3, 31, 66, 221, 1000])
-def test_groups_have_similar_numbers_of_pairs(count, values):
-    size = columns_together(count, values)
-    assert size % 2 == 0 and 0 < size <= 2 * max(1, GROUP_POINTS // values)
-    groups = -(-count // size)
-    # The last group lacks fewer pairs than there are groups.
-    assert groups * size - count <= 2 * max(groups, 1)
-
-
 @pytest.mark.parametrize("threads", [2, 3])
 def test_threads_change_no_bit(case, monkeypatch, threads):
-    monkeypatch.setattr("dashred.physics.tangents.tangent_linear.GROUP_POINTS", 1)
-    monkeypatch.setattr("dashred.physics.tangents.tangent_linear.SHARED_POINTS", 1)
+    monkeypatch.setattr("dashred.physics.tangents.spectral_columns.threads.GROUP_POINTS", 1)
+    monkeypatch.setattr("dashred.physics.tangents.spectral_columns.threads.SHARED_POINTS", 1)
     expected = jacobian(*case)
     use_threads(threads)
     try:
@@ -200,7 +185,7 @@ def test_chosen_columns_have_the_same_bits_and_only_their_sources_are_evaluated(
     case, monkeypatch, chosen
 ):
     system, forcing, sources = case
-    monkeypatch.setattr("dashred.physics.tangents.tangent_linear.GROUP_POINTS", 1)
+    monkeypatch.setattr("dashred.physics.tangents.spectral_columns.threads.GROUP_POINTS", 1)
     _, whole = jacobian(system, forcing, sources)
     made: list[Sources] = []
 

@@ -25,7 +25,7 @@ from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
 from dashred.inference.initial_state.start_models import StartModel
 from dashred.physics.solvers.schedule import count_steps
-from dashred.physics.tangents.tangent_linear import columns_together
+from dashred.physics.tangents.spectral_columns.threads import columns_together
 
 # Columns times their steps and the values of a state from which a Jacobian is divided. On a core of
 # an AMD EPYC so many took 0.7 s on a line. A call takes some hundredths of a second.

@@ -1,8 +1,4 @@
-"""Compiled integration of the columns of a sensitivity, with their Fourier transforms.
-
-The columns are pairs of real ones (:mod:`.column_pairs`), in groups whose arrays fit in the cache:
-``(group, field, pair, mode)``, complex64 or complex128, where the axes of a mode are flattened. A
-group is integrated over all steps of a block at once, in compiled code that releases the GIL.
+"""Compiled loops of one stage over the columns of a group, ``(field, pair, mode)``.
 
 The rate N is computed for some hundred modes at a time and used at once. A stage is completed in
 place: it starts as the part that is known before its rate.
@@ -10,18 +6,10 @@ place: it starts as the part that is known before its rate.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
 import numba
 import numpy as np
-from numpy.typing import NDArray
-from rocket_fft import c2c
 
-from dashred.physics.solvers.compiled.step import STAGES
-
-Real = NDArray[Any]
-Modes = NDArray[Any]
-Places = NDArray[np.int64]
+from dashred.physics.tangents.spectral_columns.arrays import Equations, Modes, PairSources, Real
 
 # Modes that are computed together. Their arrays fit in the first level of the cache.
 TILE = 512
@@ -30,161 +18,6 @@ TILE = 512
 jit = numba.njit(
     nogil=True, cache=True, fastmath={"contract", "reassoc", "nsz"}, error_model="numpy"
 )
-
-
-class Equations(NamedTuple):
-    """The linearised equations as arrays, the same for all columns.
-
-    Attributes:
-        tiles: first and last mode of each tile, ``(tile, 2)``; modes outside of them are zero.
-        channels: equation of each channel, ``(channel,)``.
-        channel_symbols: D, ``(channel, mode)``.
-        coupled: equation and field of each coupling, ``(coupling, 2)``.
-        couplings: C, ``(coupling, mode)``.
-        inputs: field of each input of the slopes, ``(input,)``.
-        multipliers: V, ``(input, mode)``.
-        reads: index of the input of each slope, ``(slope,)``.
-        writes: index of the channel of each slope, sorted.
-        axes: of the grid, in arrays ``(item, pair, *grid)``.
-    """
-
-    tiles: Places
-    channels: Places
-    channel_symbols: Modes
-    coupled: Places
-    couplings: Modes
-    inputs: Places
-    multipliers: Modes
-    reads: Places
-    writes: Places
-    axes: Places
-
-
-class PairSources(NamedTuple):
-    """The sources of all groups. Those of a group, equation and pair are at their flat index.
-
-    Attributes:
-        first_drive: index of the first drive of each place, and their number at the end.
-        rows: row of the stages' sources that each drive reads, ``(drive,)``.
-        factors: what the row is multiplied by, ``(drive,)``.
-        first_shift: the same as ``first_drive`` for sources that change L.
-        symbols: of these sources, with their factors, ``(shift, mode)``.
-    """
-
-    first_drive: Places
-    rows: Places
-    factors: Modes
-    first_shift: Places
-    symbols: Modes
-
-
-class Block(NamedTuple):
-    """Some time steps and what all columns share there.
-
-    Attributes:
-        lengths: index of each step's length among the coefficients, ``(step,)``.
-        ends: whether a step ends at an output time, ``(step,)``.
-        coefficients: of ETDRK4 for each length, and 2q, ``(length, coefficient, field, mode)``.
-        slopes: ∂G/∂v, ``(stage, slope, point)``.
-        rows: source terms of N, ``(stage, row, mode)``.
-        shifts: derivatives of the next stage with respect to L, ``(stage, field, mode)``.
-    """
-
-    lengths: Places
-    ends: NDArray[np.bool_]
-    coefficients: Modes
-    slopes: Real
-    rows: Modes
-    shifts: Modes
-
-
-class Work(NamedTuple):
-    """Arrays for one group at a time; names ending in ``grid`` are the same memory.
-
-    Attributes:
-        stages: a, b, c and the end of the step, ``(4, field, pair, mode)``.
-        spectra: inputs of the slopes in modes, ``(input, pair, mode)``.
-        inputs: the same at the points, both columns in turn, ``(input, pair, 2 point)``.
-        channels: δG, ``(channel, pair, 2 point)``.
-        hats: δG in modes, ``(channel, pair, mode)``.
-        points: columns at an output time, ``(field, pair, 2 point)``.
-        spectra_grid, inputs_grid, channels_grid, hats_grid, points_grid: ``(item, pair, *grid)``.
-    """
-
-    stages: Modes
-    spectra: Modes
-    inputs: Real
-    channels: Real
-    hats: Modes
-    points: Real
-    spectra_grid: Modes
-    inputs_grid: Modes
-    channels_grid: Modes
-    hats_grid: Modes
-    points_grid: Modes
-
-
-@jit
-def advance_groups(
-    first: int,
-    last: int,
-    given: tuple[Equations, PairSources, Block, Work],
-    columns: tuple[Modes, Modes, Real],
-    result: Real,
-) -> None:
-    """Integrate the groups from ``first`` to before ``last`` over a block of steps.
-
-    Args:
-        first: index of the first group.
-        last: index after the last group.
-        given: the equations, the sources, the steps, and arrays of this thread.
-        columns: in modes, ``(group, field, pair, mode)``, advanced in place; the same memory as
-            ``(group, field, pair, *grid)``; and the factor of each column, ``(column,)``.
-        result: set to the columns at output times, ``(output, column, field, point)``.
-    """
-    equations, sources, block, work = given
-    modes, modes_grid, scales = columns
-    a, b, c, end = work.stages[0], work.stages[1], work.stages[2], work.stages[3]
-    norm = 1.0 / modes.shape[3]
-    for group in range(first, last):
-        u, saved = modes[group], 0
-        gather_inputs(equations, u, work.spectra)
-        for i in range(len(block.lengths)):
-            step = block.coefficients[block.lengths[i]]
-            for stage in range(STAGES):
-                at = STAGES * i + stage
-                if len(equations.reads):
-                    c2c(work.spectra_grid, work.inputs_grid, equations.axes, False, norm, 1)
-                    apply_slopes(equations, work.inputs, block.slopes[at], work.channels)
-                    c2c(work.channels_grid, work.hats_grid, equations.axes, True, 1.0, 1)
-                own = group, equations, sources, block.rows[at], block.shifts[at], work.hats
-                if stage == 0:
-                    first_stage(own, step, u, a, b, c, end, work.spectra)
-                elif stage == 1:
-                    middle_stage(own, step[2], step[4], a, b, end, work.spectra)
-                elif stage == 2:
-                    middle_stage(own, step[6], step[4], b, c, end, work.spectra)
-                else:
-                    last_stage(own, step[5], c, end, u, work.spectra)
-            if block.ends[i]:
-                c2c(modes_grid[group], work.points_grid, equations.axes, False, norm, 1)
-                _keep(group, work.points, scales, result[saved])
-                saved += 1
-
-
-@jit
-def _keep(group: int, points: Real, scales: Real, result: Real) -> None:
-    """Write the columns of a group to ``(column, field, point)``, times their scales."""
-    pairs = points.shape[1]
-    for pair in range(pairs):
-        for part in range(2):
-            column = 2 * (group * pairs + pair) + part
-            if column < len(scales):
-                for field in range(len(points)):
-                    value, out = points[field, pair], result[column, field]
-                    for i in range(len(out)):
-                        out[i] = scales[column] * value[2 * i + part]
-
 
 Own = tuple[int, Equations, PairSources, Modes, Modes, Modes]
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.physics.grids.transforms import from_full_modes, to_full_modes
+from dashred.physics.grids.transforms import to_full_modes
 
 Real = NDArray[Any]
 Modes = NDArray[Any]
@@ -54,15 +54,6 @@ class ColumnPairs:
         parts[:, : points.shape[1] // 2, ..., 1] = scaled[:, 1::2]
         pairs = parts.view(np.result_type(points.dtype, np.complex64))[..., 0]
         return to_full_modes(pairs, rank)
-
-    def to_points(self, modes: Modes) -> Real:
-        """Return the columns on the grid, ``(field, column, *grid)``; the inverse of the above."""
-        pairs = from_full_modes(modes, len(self.shape))
-        points = np.empty((len(pairs), 2 * self.count, *self.shape), dtype=pairs.real.dtype)
-        points[:, 0::2], points[:, 1::2] = pairs.real, pairs.imag
-        found = points[:, : len(self.scales)]
-        found *= self._per_column(found.dtype)
-        return found
 
     def places(self, places: NDArray[np.int64]) -> tuple[NDArray[np.int64], Modes]:
         """Return the places of sources in pairs, and the factors of the sources there.

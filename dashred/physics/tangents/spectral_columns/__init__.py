@@ -1,0 +1,1 @@
+"""The columns of a sensitivity of a spectral system."""
