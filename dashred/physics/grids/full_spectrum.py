@@ -13,15 +13,16 @@ from numpy.typing import NDArray
 Modes = NDArray[Any]
 Indices = NDArray[np.int64]
 
-# In the place of an index: there is none.
+# Marks that there is no index.
 NONE = -1
 
 
 def full_spectrum(half: Modes, shape: tuple[int, ...], dtype: Any = None) -> Modes:
     """Return all modes of real fields, given those that a real transform keeps.
 
-    Symbols of operators are completed in the same way. A mode that is its own mirror image gets
-    the mean of itself and its conjugate, as a real transform takes it.
+    Symbols of operators are completed in the same way. If a mode and its mirror image are both
+    kept, the result is the mean of the mode and the conjugate of its mirror image, as a real
+    transform takes it.
 
     Args:
         half: ``(…, *modes)``.

@@ -50,14 +50,9 @@ def from_modes(modes: NDArray[np.complex128], shape: tuple[int, ...]) -> NDArray
 
 def to_full_modes(points: NDArray[Any], rank: int) -> NDArray[Any]:
     """Return all modes ``(…, *grid)`` of complex values ``(…, *grid)`` with ``rank`` axes."""
-    found: Any
-    axes = tuple(range(-rank, 0))
     _count(2 * points.size, points.shape[-rank:])
-    if points.size >= MIN_TORCH_SIZE:
-        found = torch.fft.fftn(torch.from_numpy(points), dim=axes).numpy()
-    else:
-        found = fft.fftn(points, axes=axes)
-    return found
+    found = torch.fft.fftn(torch.from_numpy(points), dim=tuple(range(-rank, 0)))
+    return found.numpy()
 
 
 def modes_of(points: Tensor, shape: tuple[int, ...]) -> Tensor:

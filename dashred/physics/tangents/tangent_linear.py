@@ -34,7 +34,7 @@ from dashred.physics.tangents.reference_trajectory import (
 )
 from dashred.physics.tangents.semilinear_rhs import Modes, SemilinearTendency
 from dashred.physics.tangents.sources import Sources
-from dashred.physics.tangents.spectral_columns.integrator import SensitivityIntegrator, StageData
+from dashred.physics.tangents.spectral_columns.equations import ColumnEquations, StageData
 from dashred.physics.tangents.spectral_columns.threads import (
     Block,
     ThreadedColumns,
@@ -101,7 +101,7 @@ def tangent_linear(
         reference: integrates the reference trajectory of these equations and forcings; by default
             without compilation.
         chosen: the columns that are wanted; by default all. Every column is integrated together
-            with the same others, whichever are wanted, so that its bits do not depend on that.
+            with the same others, whichever are wanted.
 
     Yields:
         The state ``(field, *grid)``, float64, and the tangents ``(column, field, *grid)``:
@@ -119,7 +119,7 @@ def tangent_linear(
     group = columns_together(count, start.numel())
     # Whole groups are integrated, also if some of their columns are not wanted.
     first = chosen.start // group * group
-    last = max(first, min(-(-chosen.stop // group) * group, count))
+    last = min(-(-chosen.stop // group) * group, count) if chosen else first
     tendency = SemilinearTendency(system, forcing, sampled_forcing)
     # The sources of the other columns are not evaluated.
     needed = [
@@ -155,7 +155,7 @@ def _evaluated(
     """Yield the blocks of steps along the trajectory that starts at some modes."""
     for steps in blocks:
         # A blow-up shows as non-finite values, not as a warning.
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"), torch.no_grad():
             modes, states, stages = reference.advance(steps, modes)
             data = model.evaluate(steps, stages)
         yield Block(steps, states, data)
@@ -168,7 +168,7 @@ class _LinearisedSystem:
         self.dtype = PRECISION[dtype]
         self.tendency, self.sources = tendency, sources
         self.shifts = StageShifts(tendency)
-        self.columns = SensitivityIntegrator(tendency, self.sources, self.dtype)
+        self.columns = ColumnEquations(tendency, self.sources, self.dtype)
         self.program = Pointwise([*self.columns.slopes, *self.sources.bodies])
 
     def evaluate(self, steps: Sequence[Step], stages: Stages) -> StageData:

@@ -12,6 +12,7 @@ from dashred.inference.forward.candidate_simulator import CandidateSimulator
 from dashred.inference.forward.candidates import build_candidates, build_forcing
 from dashred.inference.forward.first_compilation import compile_integrators
 from dashred.physics.cells import compiled_step as cells
+from dashred.physics.grids import full_spectrum
 from dashred.physics.solvers.compiled import runge_kutta as ode
 from dashred.physics.solvers.compiled import step as spectral
 from dashred.physics.system import System
@@ -27,6 +28,7 @@ COMPILED = (
     cells.integrate_batch,
     cells.integrate_stages,
     kernels.advance_groups,
+    full_spectrum._complete,
 )
 KINDS = {
     "ode": ("", "x: v, v: -k*sin(x)", "x: 1, v: 0"),

@@ -12,6 +12,7 @@ from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import Term
 from dashred.physics.tangents.sources import Sources
+from dashred.physics.tangents.spectral_columns.threads import columns_together
 from dashred.physics.tangents.tangent_linear import has_spectral_tangents, tangent_linear
 from dashred.physics.terms.library import resolve
 
@@ -157,11 +158,15 @@ def test_single_precision_is_close_for_columns_of_any_size(case):
         assert relative(rough, exact) < 1e-4
 
 
-def test_chunks_of_steps_and_columns_change_nothing(case, monkeypatch):
+@pytest.mark.parametrize("pairs", [1, 2])
+def test_blocks_of_steps_and_groups_of_columns_change_nothing(case, monkeypatch, pairs):
+    """Also where the last group is completed by pairs of zeros."""
     system, forcing, sources = case
     states, whole = jacobian(system, forcing, sources)
+    values = pairs * nominal_start(system).numel()
     monkeypatch.setattr("dashred.physics.tangents.tangent_linear.POINTS_AT_ONCE", 1)
-    monkeypatch.setattr("dashred.physics.tangents.spectral_columns.threads.GROUP_POINTS", 1)
+    monkeypatch.setattr("dashred.physics.tangents.spectral_columns.threads.GROUP_POINTS", values)
+    assert columns_together(whole.shape[1], values // pairs) == 2 * pairs
     same, pieces = jacobian(system, forcing, sources)
     torch.testing.assert_close(same, states, rtol=1e-10, atol=1e-10)
     torch.testing.assert_close(pieces, whole, rtol=1e-9, atol=1e-9)

@@ -30,7 +30,8 @@ from dashred.physics.tangents.spectral_columns.threads import columns_together
 # Columns times their steps and the values of a state from which a Jacobian is divided. On a core of
 # an AMD EPYC so many took 0.7 s on a line. A call takes some hundredths of a second.
 LARGE = 2e7
-# Columns of a block times the values of a state.
+# Columns of a block times the values of a state, unless a group has more. The last block may be
+# longer.
 BLOCK_POINTS = 2**17
 
 

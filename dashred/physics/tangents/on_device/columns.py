@@ -12,13 +12,13 @@ from dashred.physics.system import System
 from dashred.physics.tangents.on_device.stage_data import ZERO_ROW, StageData
 from dashred.physics.tangents.semilinear_rhs import Modes, SemilinearTendency
 from dashred.physics.tangents.sources import Sources
-from dashred.physics.tangents.spectral_columns.integrator import renumber, select_columns, slopes_of
+from dashred.physics.tangents.spectral_columns.equations import renumber, select_columns, slopes_of
 
 
 class Columns:
     """Some columns, which ``δu' = Lδu + N'(u)δu + θ`` advances with ETDRK4.
 
-    The counterpart of :class:`.integrator.SensitivityIntegrator` for any device.
+    The counterpart of :class:`.equations.ColumnEquations` for any device.
 
     Args:
         system: the simulator, for the grid and the device.

@@ -22,7 +22,7 @@ from dashred.physics.tangents.on_device.stage_data import StageEvaluator
 from dashred.physics.tangents.reference_trajectory import stage_times
 from dashred.physics.tangents.semilinear_rhs import SemilinearTendency
 from dashred.physics.tangents.sources import Sources
-from dashred.physics.tangents.spectral_columns.integrator import slopes_of
+from dashred.physics.tangents.spectral_columns.equations import slopes_of
 
 POINTS_AT_ONCE = 2**19
 """Stages times grid points whose slopes and sources are computed together."""

@@ -20,7 +20,8 @@ class Equations(NamedTuple):
     """The linearised equations as arrays, the same for all columns.
 
     Attributes:
-        tiles: first and last mode of each tile, ``(tile, 2)``; modes outside of them are zero.
+        tiles: first mode of each tile and the one after its last, ``(tile, 2)``; other modes are
+            zero.
         channels: equation of each channel, ``(channel,)``.
         channel_symbols: D, ``(channel, mode)``.
         coupled: equation and field of each coupling, ``(coupling, 2)``.
@@ -45,7 +46,9 @@ class Equations(NamedTuple):
 
 
 class PairSources(NamedTuple):
-    """The sources of all groups. Those of a group, equation and pair are at their flat index.
+    """The sources of all groups.
+
+    Those of a pair of a group are at ``(group * fields + equation) * pairs + pair``.
 
     Attributes:
         first_drive: index of the first drive of each place, and their number at the end.

@@ -15,8 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dashred.physics.grids.transforms import to_full_modes
-
 Real = NDArray[Any]
 Modes = NDArray[Any]
 
@@ -38,22 +36,22 @@ class ColumnPairs:
         """Number of pairs."""
         return (len(self.scales) + 1) // 2
 
-    def to_modes(self, points: Real) -> Modes:
-        """Return the full spectra of columns.
+    def paired(self, points: Real, count: int) -> Modes:
+        """Return columns as pairs, completed by pairs of zeros.
 
         Args:
             points: columns on the grid, ``(field, column, *grid)``.
+            count: number of pairs, with those of zeros.
 
         Returns:
-            ``(field, pair, *grid)``.
+            Complex values, ``(field, pair, *grid)``.
         """
-        rank = len(self.shape)
-        parts = np.zeros((len(points), self.count, *self.shape, 2), dtype=points.dtype)
-        scaled = points / self._per_column(points.dtype)
-        parts[..., 0] = scaled[:, 0::2]
+        parts = np.zeros((len(points), count, *self.shape, 2), dtype=points.dtype)
+        scales = self.scales.astype(points.dtype).reshape(1, -1, *(1,) * len(self.shape))
+        scaled = points / scales
+        parts[:, : self.count, ..., 0] = scaled[:, 0::2]
         parts[:, : points.shape[1] // 2, ..., 1] = scaled[:, 1::2]
-        pairs = parts.view(np.result_type(points.dtype, np.complex64))[..., 0]
-        return to_full_modes(pairs, rank)
+        return parts.view(np.result_type(points.dtype, np.complex64))[..., 0]
 
     def places(self, places: NDArray[np.int64]) -> tuple[NDArray[np.int64], Modes]:
         """Return the places of sources in pairs, and the factors of the sources there.
@@ -67,9 +65,6 @@ class ColumnPairs:
         equations, columns, indices = places.T
         factors = np.where(columns % 2, 1j, 1.0) / self.scales[columns]
         return np.column_stack([equations, columns // 2, indices]), factors
-
-    def _per_column(self, dtype: Any) -> Real:
-        return self.scales.astype(dtype).reshape(1, -1, *(1,) * len(self.shape))
 
 
 def power_of_two(sizes: Real) -> Real:

@@ -11,7 +11,7 @@ import numpy as np
 
 from dashred.physics.tangents.spectral_columns.arrays import Equations, Modes, PairSources, Real
 
-# Modes that are computed together. Their arrays fit in the first level of the cache.
+# Modes that are computed together, so that their arrays stay in the cache.
 TILE = 512
 
 # Sums may be fused and reordered; NaN and infinity keep their meaning.
@@ -19,7 +19,9 @@ jit = numba.njit(
     nogil=True, cache=True, fastmath={"contract", "reassoc", "nsz"}, error_model="numpy"
 )
 
-Own = tuple[int, Equations, PairSources, Modes, Modes, Modes]
+# The group, the equations, and the sources of the pairs; and at one stage: rows of the sources, the
+# derivative of the next stage with respect to L, and δG in modes.
+StageInput = tuple[int, Equations, PairSources, Modes, Modes, Modes]
 
 
 @jit
@@ -50,14 +52,14 @@ def apply_slopes(equations: Equations, inputs: Real, slopes: Real, out: Real) ->
 def gather_inputs(equations: Equations, modes: Modes, spectra: Modes) -> None:
     """Set the inputs of the slopes in modes, ``spectra[s] = V_s modes[field of s]``."""
     for field in range(modes.shape[0]):
-        for first, last in equations.tiles:
+        for begin, stop in equations.tiles:
             for pair in range(modes.shape[1]):
-                _send(equations, field, pair, first, last, modes, spectra)
+                _send(equations, field, pair, begin, stop, modes, spectra)
 
 
 @jit
 def first_stage(
-    own: Own,
+    own: StageInput,
     step: Modes,
     u: Modes,
     a: Modes,
@@ -69,13 +71,12 @@ def first_stage(
     """Compute stage a, and begin the later stages.
 
     Args:
-        own: the group, the equations and the sources of the pairs; and at the stage u, rows of
-            the sources, derivative of stage a with respect to L, and δG in modes.
+        own: what is given at the stage u.
         step: coefficients of the step, ``(coefficient, field, mode)``.
         u: the columns at the start of the step.
-        a: set to ``exp(hL/2) u + q N(u)``.
+        a: set to ``exp(hL/2) u + q N(u)``, with the sources that change L.
         b: set to ``exp(hL/2) u``.
-        c: set to ``exp(hL/2) a - q N(u)``.
+        c: set to ``exp(hL/2) a - q N(u)``, where a is without these sources.
         end: set to ``exp(hL) u + first N(u)``.
         spectra: set to the inputs of the slopes at stage a.
     """
@@ -103,7 +104,7 @@ def first_stage(
 
 @jit
 def middle_stage(
-    own: Own,
+    own: StageInput,
     q: Modes,
     middle: Modes,
     before: Modes,
@@ -111,10 +112,10 @@ def middle_stage(
     end: Modes,
     spectra: Modes,
 ) -> None:
-    """Add ``q N`` to a stage, and ``middle N`` to the end of the step.
+    """Add ``q N`` to a stage, with the sources that change L; and ``middle N`` to the step's end.
 
     Args:
-        own: as in :func:`first_stage`, at the stage before.
+        own: what is given at the stage before.
         q: weight of the rate in this stage, ``(field, mode)``.
         middle: its weight at the end of the step.
         before: the stage at which the rate is.
@@ -138,8 +139,10 @@ def middle_stage(
 
 
 @jit
-def last_stage(own: Own, last: Modes, before: Modes, end: Modes, u: Modes, spectra: Modes) -> None:
-    """Set ``u = end + last N``; the arguments are those of :func:`middle_stage`."""
+def last_stage(
+    own: StageInput, last: Modes, before: Modes, end: Modes, u: Modes, spectra: Modes
+) -> None:
+    """Set ``u = end + last N``, with the sources that change L; see :func:`middle_stage`."""
     equations = own[1]
     rates = np.empty(TILE, end.dtype)
     for field in range(end.shape[0]):
@@ -156,7 +159,7 @@ def last_stage(own: Own, last: Modes, before: Modes, end: Modes, u: Modes, spect
 
 @jit
 def _set_rates(
-    own: Own, modes: Modes, field: int, pair: int, begin: int, stop: int, rates: Modes
+    own: StageInput, modes: Modes, field: int, pair: int, begin: int, stop: int, rates: Modes
 ) -> None:
     """Set ``N'δu + θ`` of one equation, pair and tile."""
     group, equations, sources, rows, _, hats = own
@@ -181,7 +184,7 @@ def _set_rates(
 
 
 @jit
-def _add_shifts(own: Own, field: int, pair: int, begin: int, stop: int, out: Modes) -> None:
+def _add_shifts(own: StageInput, field: int, pair: int, begin: int, stop: int, out: Modes) -> None:
     """Add ``symbols[s] shift`` of one equation, pair and tile to a stage."""
     group, _, sources, _, shift, _ = own
     place = (group * out.shape[0] + field) * out.shape[1] + pair

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from dashred.core.threads import in_threads, thread_count
 from dashred.physics.solvers.schedule import Step
-from dashred.physics.tangents.spectral_columns.arrays import Work
+from dashred.physics.tangents.spectral_columns.arrays import BlockArrays, Work
+from dashred.physics.tangents.spectral_columns.equations import ColumnEquations, StageData
 from dashred.physics.tangents.spectral_columns.groups import Groups
-from dashred.physics.tangents.spectral_columns.integrator import SensitivityIntegrator, StageData
 
 Array = NDArray[Any]
 
@@ -61,16 +61,14 @@ class ThreadedColumns:
         threads: number of threads.
 
     Args:
-        integrator: of the columns.
+        equations: of the columns.
         points: their values at the first time, ``(field, column, *grid)``.
         first: index of the first of them.
         pairs: number of pairs in a group.
     """
 
-    def __init__(
-        self, integrator: SensitivityIntegrator, points: Array, first: int, pairs: int
-    ) -> None:
-        self.integrator, self._points, self._first, self._pairs = integrator, points, first, pairs
+    def __init__(self, equations: ColumnEquations, points: Array, first: int, pairs: int) -> None:
+        self.equations, self._points, self._first, self._pairs = equations, points, first, pairs
         groups = math.ceil(points.shape[1] / (2 * pairs))
         self.threads = thread_count() if points.size >= SHARED_POINTS else 1
         count = min(PARTS * self.threads if self.threads > 1 else 1, groups)
@@ -91,13 +89,14 @@ class ThreadedColumns:
             ``(output, column, field, point)``.
         """
         result = self._begin(block)
+        steps = self.equations.block(block.steps, block.data)
         following: list[Block | None] = []
 
         def run(task: int) -> None:
             if task == 0:
                 following.append(next(blocks, None))
             else:
-                self._advance_part(self.parts[task - 1], block, result)
+                self._advance_part(self.parts[task - 1], steps, result)
 
         for _ in in_threads(run, 1 + len(self.parts), self.threads):
             pass
@@ -110,15 +109,14 @@ class ThreadedColumns:
             span = block.steps[-1].last - block.steps[0].first
             at = self._first, self._pairs, block.data, span
             with np.errstate(all="ignore"):
-                self._groups = Groups.begin(self.integrator, self._points, *at)
+                self._groups = Groups.begin(self.equations, self._points, *at)
             self._work = [self._groups.work() for _ in range(self.threads)]
         shape = len(block.states), columns, fields, math.prod(grid)
         return np.empty(shape, dtype=self._points.dtype)
 
-    def _advance_part(self, part: range, block: Block, result: Array) -> None:
+    def _advance_part(self, part: range, steps: BlockArrays, result: Array) -> None:
         """Integrate some groups, and write their columns at output times to the result."""
         assert self._groups is not None
-        steps = self.integrator.block(block.steps, block.data)
         # There are as many as threads, so one is always left.
         work = self._work.pop()
         self._groups.advance(part, steps, work, result)

@@ -23,6 +23,7 @@ from dashred.inference.forward.law_block import LawBlock
 from dashred.inference.forward.sensor_block import SensorBlock
 from dashred.inference.forward.simulator import Simulator
 from dashred.physics.forcing_basis import ForcingBasis
+from dashred.physics.tangents.spectral_columns.threads import columns_together
 from tests import waves
 
 # 2048 values of a state: 64 columns stand in a block.
@@ -123,7 +124,8 @@ def test_blocks_depend_on_the_problem_alone(model, monkeypatch) -> None:
 
     monkeypatch.setattr(TangentColumns, "at", spy)
     columns = jacobian(model).shape[-1]
-    size = module.BLOCK_POINTS // VALUES // 2 * 2
+    group = columns_together(columns, VALUES)
+    size = group * (module.BLOCK_POINTS // (group * VALUES))
     [blocks] = seen
     assert [b.start for b in blocks] == [size * i for i in range(columns // size)]
     assert [b.stop for b in blocks] == [*(b.start for b in blocks[1:]), columns]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from dashred.physics.grids.transforms import to_full_modes
 from dashred.physics.tangents.spectral_columns.pairs import ColumnPairs, power_of_two
 
 SHAPES = [(8,), (9,), (6, 8), (5, 6), (6, 9)]
@@ -17,8 +18,10 @@ def test_columns_return_from_their_modes(shape: tuple[int, ...], count: int) -> 
     points = np.random.default_rng(3).normal(size=(2, count, *shape))
     points *= sizes.reshape(-1, *(1,) * len(shape))
     pairs = ColumnPairs(power_of_two(sizes), shape)
-    modes = pairs.to_modes(points.astype(np.float32))
-    assert modes.shape == (2, (count + 1) // 2, *shape) and modes.dtype == np.complex64
+    paired = pairs.paired(points.astype(np.float32), pairs.count + 1)
+    assert paired.shape == (2, (count + 1) // 2 + 1, *shape) and paired.dtype == np.complex64
+    assert not paired[:, -1].any()
+    modes = to_full_modes(paired, len(shape))
     both = np.fft.ifftn(modes, axes=range(2, modes.ndim))
     parts = np.stack([both.real, both.imag], axis=2).reshape(2, -1, *shape)[:, :count]
     found = parts * pairs.scales.reshape(1, -1, *(1,) * len(shape))

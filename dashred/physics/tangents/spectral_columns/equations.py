@@ -1,4 +1,4 @@
-"""Integrate the columns of a sensitivity along a reference trajectory."""
+"""The linearised equations of the columns of a sensitivity, as arrays of compiled code."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ class StageData(NamedTuple):
     shifts: Modes
 
 
-class SensitivityIntegrator:
-    """Integrates ``δu' = Lδu + N'(u)δu + θ`` with ETDRK4.
+class ColumnEquations:
+    """The equations ``δu' = Lδu + N'(u)δu + θ`` and their steps with ETDRK4.
 
     Attributes:
         slopes: the expressions ∂G/∂v, in the order of ``StageData.slopes``.
-        equations: the linearised equations.
+        arrays: the equations of all columns.
         linear_terms: symbols of the sources that change L, ``(term, mode)``.
         mask: of the 2/3 rule, ``(mode,)``.
 
@@ -67,7 +67,7 @@ class SensitivityIntegrator:
         couplings = [symbol for _, _, symbol in tendency.couplings]
         pairs = [(equation, field) for equation, field, _ in tendency.couplings]
         self.mask = self.full(tendency.mask[None])[0].real
-        self.equations = Equations(
+        self.arrays = Equations(
             tiles=_tiles(self.mask),
             channels=np.array(tendency.channel_equations, dtype=np.int64)[channels],
             channel_symbols=self._symbols(tendency.channel_symbols[channels]),
@@ -88,7 +88,7 @@ class SensitivityIntegrator:
         return BlockArrays(
             np.array([lengths.index(step.h) for step in steps], dtype=np.int64),
             np.array([step.ends for step in steps]),
-            self._coefficients(lengths),
+            np.concatenate([self._coefficients(h) for h in lengths]),
             *data,
         )
 
@@ -101,15 +101,16 @@ class SensitivityIntegrator:
         """Complete symbols ``(item, …, *modes)`` and flatten them to ``(item, mode)``."""
         return self.full(symbols.reshape(len(symbols), *self.tendency.mask.shape))
 
-    def _coefficients_of(self, lengths: tuple[float, ...]) -> Modes:
-        known = [self.tendency.coefficients(h) for h in lengths]
-        return np.array([[self._symbols(c) for c in (*each, 2 * each[2])] for each in known])
+    def _coefficients_of(self, h: float) -> Modes:
+        """Return the coefficients for a length, ``(1, coefficient, field, mode)``."""
+        known = self.tendency.coefficients(h)
+        return np.array([[self._symbols(c) for c in (*known, 2 * known[2])]])
 
 
 def _tiles(mask: Real) -> NDArray[np.int64]:
     """Return the first mode of each tile and the one after its last, ``(tile, 2)``.
 
-    The tiles cover all modes of a mask ``(mode,)``, and gaps of at most :data:`GAP`.
+    The tiles cover all modes of a mask ``(mode,)``, and gaps of fewer than :data:`GAP`.
     """
     kept = np.flatnonzero(mask)
     parts = np.split(kept, np.flatnonzero(np.diff(kept) > GAP) + 1)
