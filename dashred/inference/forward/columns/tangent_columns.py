@@ -74,7 +74,7 @@ class TangentColumns:
     ) -> Tensor:
         """Return some columns at a point, ``(time, sensor, column)``.
 
-        The bits of a column depend on its block, but not on which other blocks are wanted.
+        A column is integrated and read with those of its block, whichever other blocks are wanted.
 
         Args:
             point: the point.

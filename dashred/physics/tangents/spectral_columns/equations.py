@@ -88,7 +88,7 @@ class ColumnEquations:
         return BlockArrays(
             np.array([lengths.index(step.h) for step in steps], dtype=np.int64),
             np.array([step.ends for step in steps]),
-            np.concatenate([self._coefficients(h) for h in lengths]),
+            self._coefficients(lengths),
             *data,
         )
 
@@ -101,10 +101,10 @@ class ColumnEquations:
         """Complete symbols ``(item, …, *modes)`` and flatten them to ``(item, mode)``."""
         return self.full(symbols.reshape(len(symbols), *self.tendency.mask.shape))
 
-    def _coefficients_of(self, h: float) -> Modes:
-        """Return the coefficients for a length, ``(1, coefficient, field, mode)``."""
-        known = self.tendency.coefficients(h)
-        return np.array([[self._symbols(c) for c in (*known, 2 * known[2])]])
+    def _coefficients_of(self, lengths: tuple[float, ...]) -> Modes:
+        """Return the coefficients for some lengths, ``(length, coefficient, field, mode)``."""
+        known = [self.tendency.coefficients(h) for h in lengths]
+        return np.array([[self._symbols(c) for c in (*each, 2 * each[2])] for each in known])
 
 
 def _tiles(mask: Real) -> NDArray[np.int64]:

@@ -26,7 +26,7 @@ from dashred.physics.forcing_basis import ForcingBasis
 from dashred.physics.tangents.spectral_columns.threads import columns_together
 from tests import waves
 
-# 2048 values of a state: 64 columns stand in a block.
+# 2048 values of a state: at most 64 columns stand in a block, except in the last one.
 TEXT = waves.TEXT.replace("points: 32", "points: 1024").replace("length: 3", "length: 0.3")
 TIMES = 0.25 * torch.arange(4, dtype=torch.float64)
 VALUES = 2048
