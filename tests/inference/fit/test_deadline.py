@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from dashred.core.budget import Deadline, OutOfTimeError
-from dashred.inference.fit.growing_horizon import grow_horizon
+from dashred.inference.fit.growing_horizon import fit_first_horizon, grow_horizon
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.selection.stepwise_selection import RefittedSet, polish, select
@@ -40,7 +40,8 @@ def test_a_set_is_returned_as_it_was_fitted(late: LeastSquaresProblem) -> None:
 
 
 def test_the_horizon_stays_at_the_first_window(late: LeastSquaresProblem) -> None:
-    found = grow_horizon(late, zeros(late), 6, 2, lambda *_: None)
+    first = fit_first_horizon(late, zeros(late), 6, 2)
+    found = grow_horizon(first, 2, lambda *_: None)
     assert (found.samples, found.is_complete) == (6, False)
     assert len(found.levels) == 1
 

@@ -10,8 +10,15 @@ from statistics import median
 import pytest
 from torch import Tensor
 
+from dashred.core.progress import Report
 from dashred.inference.fit.first_window import first_samples, fit_first_window
-from dashred.inference.fit.growing_horizon import DIVERGED, GROWTH, HorizonFit, grow_horizon
+from dashred.inference.fit.growing_horizon import (
+    GROWTH,
+    HorizonFit,
+    fit_first_horizon,
+    grow_horizon,
+)
+from dashred.inference.fit.horizon_state import DIVERGED
 from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquations
 from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from tests.swing import FORCES, TIMES, Swing, noisy
@@ -32,9 +39,16 @@ def fitted(objective: LeastSquaresProblem) -> Tensor:
     return objective.embed(window.phi, [])
 
 
+def grow(
+    objective: LeastSquaresProblem, count: int = len(NAMES), report: Report = silent
+) -> HorizonFit:
+    """Extend the horizon from the fit of the first window."""
+    first = fit_first_horizon(objective, fitted(objective), first_samples(objective), count)
+    return grow_horizon(first, count, report)
+
+
 def grown(swing: Swing, recorded: Tensor) -> HorizonFit:
-    objective = swing.objective(NAMES, recorded, SIGMA, TIGHT)
-    return grow_horizon(objective, fitted(objective), first_samples(objective), len(NAMES), silent)
+    return grow(swing.objective(NAMES, recorded, SIGMA, TIGHT))
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +74,7 @@ def test_the_horizon_reaches_the_end_if_candidates_explain_the_recording(
 
 def test_the_horizon_stops_without_the_true_candidate(swing: Swing, missing: Tensor) -> None:
     objective = swing.objective(("1",), missing, SIGMA, TIGHT)
-    assert not grow_horizon(objective, fitted(objective), 6, len(NAMES), silent).is_complete
+    assert not grow(objective).is_complete
 
 
 @pytest.mark.parametrize(("force", "value"), [("step(t - 6)", 3.0), ("step(t - 6)*sin(5*t)", 3.0)])
@@ -94,7 +108,7 @@ def test_a_fit_that_blows_up_is_rejected(
         lost = len(objective.recorded) > LATE
         return replace(found, cost=math.inf, chi2=math.nan) if lost else found
 
-    for name in ("growing_horizon", "selection.widened_fit"):
+    for name in ("horizon_state", "selection.widened_fit"):
         monkeypatch.setattr(f"dashred.inference.fit.{name}.minimise", blown)
     found = grown(swing, missing)
     assert not found.is_complete and LATE - 5 <= found.samples <= LATE
@@ -103,7 +117,7 @@ def test_a_fit_that_blows_up_is_rejected(
 
 def test_a_fit_with_few_candidates_reaches_the_end(swing: Swing, missing: Tensor) -> None:
     objective = swing.objective(NAMES, missing, SIGMA, TIGHT)
-    found = grow_horizon(objective, fitted(objective), 6, 2, silent)
+    found = grow(objective, 2)
     assert found.is_complete and 2 <= len(found.members) < len(NAMES)
     assert found.levels[-1][1] == pytest.approx(1.0, abs=0.25)
     others = sorted(set(range(len(NAMES))) - set(found.members))
@@ -115,7 +129,7 @@ def test_an_expensive_horizon_is_given_up(
 ) -> None:
     objective = swing.objective(NAMES, missing, SIGMA, TIGHT)
     monkeypatch.setattr("dashred.inference.fit.growing_horizon.EFFORT", 1)
-    found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
+    found = grow(objective)
     assert not found.is_complete and 6 < found.samples < len(TIMES)
     assert len(found.readings) == found.samples
 
@@ -123,16 +137,14 @@ def test_an_expensive_horizon_is_given_up(
 def test_progress_is_reported(swing: Swing, missing: Tensor) -> None:
     reports: list[tuple[float, str]] = []
     objective = swing.objective(NAMES, missing, SIGMA, TIGHT)
-    found = grow_horizon(
-        objective, fitted(objective), 6, len(NAMES), lambda done, text: reports.append((done, text))
-    )
+    found = grow(objective, report=lambda done, text: reports.append((done, text)))
     assert [done for done, _ in reports] == [count / 81 for count, _ in found.levels[1:]]
     assert reports[-1][0] == 1.0 and reports[-1][1].startswith("horizon 81 of 81, χ²/n ")
 
 
 def test_a_record_of_one_window_is_complete_at_once(swing: Swing, missing: Tensor) -> None:
     objective = swing.objective(NAMES, missing, SIGMA, TIGHT).truncate(6)
-    found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
+    found = grow(objective)
     assert found.is_complete and [count for count, _ in found.levels] == [6]
 
 
@@ -147,7 +159,7 @@ def strong(swing: Swing) -> Tensor:
 
 def test_the_evidence_widens_the_prior_of_a_strong_force(swing: Swing, strong: Tensor) -> None:
     objective = swing.objective(NAMES, strong, SIGMA, TIGHT)
-    found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
+    found = grow(objective)
     assert found.is_complete and found.levels[-1][1] == pytest.approx(1.0, abs=0.25)
     assert [NAMES[j] for j in found.widened] == [STRONG[0]]
     assert found.widest > 1
@@ -159,7 +171,7 @@ def test_a_narrow_prior_alone_shrinks_a_strong_force(
 ) -> None:
     monkeypatch.setattr("dashred.inference.fit.selection.widened_fit.ROUNDS", 0)
     objective = swing.objective(NAMES, strong, SIGMA, TIGHT)
-    found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
+    found = grow(objective)
     assert not found.widened and found.levels[-1][1] > 2
     assert abs(float(found.phi[2 + NAMES.index(STRONG[0])])) < abs(STRONG[1]) / 2
 
@@ -179,9 +191,9 @@ def test_a_stretch_that_the_widened_law_predicts_is_not_fitted(
         fits.append((len(objective.recorded), steps))
         return minimise(objective, phi, steps, tolerance)
 
-    monkeypatch.setattr("dashred.inference.fit.growing_horizon.minimise", counted)
+    monkeypatch.setattr("dashred.inference.fit.horizon_state.minimise", counted)
     objective = swing.objective(NAMES, strong, SIGMA, TIGHT)
-    found = grow_horizon(objective, fitted(objective), 6, len(NAMES), silent)
+    found = grow(objective)
     predicted = {samples for samples, steps in fits if not steps}
     refitted = {samples for samples, steps in fits if steps}
     assert found.is_complete and predicted - refitted

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import torch
 
+from dashred.core.budget import Deadline
 from dashred.core.progress import Report
 from dashred.inference.fit.first_window import first_samples
-from dashred.inference.fit.growing_horizon import HorizonFit, grow_horizon
+from dashred.inference.fit.growing_horizon import HorizonFit, fit_first_horizon, grow_horizon
+from dashred.inference.fit.horizon_state import HorizonState
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.selection.stepwise_selection import Selection, select
 from dashred.inference.forward.candidates import Candidate
@@ -31,6 +33,9 @@ def fit_from_first_guesses(
 ) -> tuple[FittedGuess, HorizonFit]:
     """Extend the horizon from each first guess until one of them reaches the end of the record.
 
+    A first guess with few modes may be near the record and yet unable to fit its first samples,
+    whatever the law. Those that leave more than noise there are tried after the others.
+
     Args:
         problem: recording and settings.
         simulator: simulator with all candidates, at the resolution for this stage.
@@ -44,23 +49,46 @@ def fit_from_first_guesses(
     settings = problem.config.discovery
     limits = torch.tensor([c.limit for c in candidates], dtype=torch.float64)
     deadline = problem.deadline("grow the horizon")
-    best: tuple[FittedGuess, HorizonFit] | None = None
-    for guess in guesses:
-        if best is not None and deadline.is_over:
-            break
+
+    def fit_first(guess: FittedGuess) -> HorizonState:
         objective = build_least_squares(problem, simulator, guess.start, candidates, settings.tight)
         tight = torch.minimum(objective.prior_std, limits)
         objective = replace(objective, prior_std=tight, deadline=deadline)
         initial, samples = objective.embed(guess.z, []), first_samples(objective)
-        horizon = grow_horizon(objective, initial, samples, settings.walking, report)
+        return fit_first_horizon(objective, initial, samples, settings.walking)
+
+    best: tuple[FittedGuess, HorizonFit] | None = None
+    for guess, first in explaining_first(guesses, fit_first, deadline):
+        horizon = grow_horizon(first, settings.walking, report)
         if best is None or horizon.samples > best[1].samples:
             best = guess, horizon
-        if horizon.is_complete:
+        if horizon.is_complete or deadline.is_over:
             break
     assert best is not None
     if deadline.is_over and not best[1].is_complete:
         problem.budget.leave_out("a longer horizon")
     return best
+
+
+def explaining_first(
+    guesses: Sequence[FittedGuess],
+    fit_first: Callable[[FittedGuess], HorizonState],
+    deadline: Deadline,
+) -> Iterator[tuple[FittedGuess, HorizonState]]:
+    """Yield each guess and its fit of the first samples, those that explain the samples first.
+
+    Guesses that are not fitted at the deadline are left out.
+    """
+    others: list[tuple[FittedGuess, HorizonState]] = []
+    for guess in guesses:
+        if others and deadline.is_over:
+            break
+        first = fit_first(guess)
+        if first.explains_first:
+            yield guess, first
+        else:
+            others.append((guess, first))
+    yield from others
 
 
 def selection_prior(tight: float, weak: float, horizon: HorizonFit) -> float:
@@ -117,7 +145,9 @@ def extend_horizon(
     best = selection.tried[0]
     law = objective.subset(best.members)
     initial = best.phi[objective.indices(best.members)]
-    longer = grow_horizon(law, initial, horizon.samples, len(best.members), report)
+    count = len(best.members)
+    first = fit_first_horizon(law, initial, horizon.samples, count)
+    longer = grow_horizon(first, count, report)
     if longer.samples == horizon.samples:
         return horizon, selection
     longer = replace(

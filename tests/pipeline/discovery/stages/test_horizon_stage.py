@@ -1,12 +1,25 @@
-"""The prior of the selection follows that of the growing horizon."""
+"""Which first guess is followed, and the prior of the selection after the growing horizon."""
 
 from __future__ import annotations
 
+import time
+
 import pytest
 import torch
+from torch import Tensor
 
-from dashred.inference.fit.growing_horizon import HorizonFit
-from dashred.pipeline.discovery.stages.horizon_stage import selection_prior
+from dashred.core.budget import NEVER, Deadline
+from dashred.inference.fit.first_window import SAMPLES, fit_first_window
+from dashred.inference.fit.growing_horizon import HorizonFit, fit_first_horizon
+from dashred.inference.fit.horizon_state import HorizonState
+from dashred.inference.fit.least_squares import LeastSquaresProblem
+from dashred.inference.forward.episodes import EpisodeStarts
+from dashred.inference.initial_state.start_models import LinearStart
+from dashred.pipeline.discovery.first_guess_stage import FittedGuess
+from dashred.pipeline.discovery.stages.horizon_stage import explaining_first, selection_prior
+from tests.swing import FORCES, Swing, noisy
+
+SIGMA, TIGHT, Z = 0.05, 0.05, (0.8, -0.6)
 
 
 @pytest.mark.parametrize(("widest", "expected"), [(1.0, 1.0), (4.0, 1.0), (64.0, 3.2)])
@@ -16,3 +29,80 @@ def test_the_prior_of_the_selection_is_not_narrower_than_that_of_the_horizon(
     empty = torch.zeros(0)
     horizon = HorizonFit(empty, (), empty, 6, True, [(6, 1.0)], (0,), widest)
     assert selection_prior(0.05, 1.0, horizon) == pytest.approx(expected)
+
+
+@pytest.fixture(scope="module")
+def swing(tmp_path_factory: pytest.TempPathFactory) -> Swing:
+    """Return the compiled swing."""
+    return Swing.declared(tmp_path_factory.mktemp("swing"))
+
+
+class Guesses:
+    """First guesses of the start of a swing; counts the fits."""
+
+    def __init__(self, swing: Swing) -> None:
+        """Record a swing with a force that is among the candidates."""
+        self.recorded = noisy(swing.clean(Z, ("x**3",), (-0.3,)), SIGMA, seed=0)
+        self.objective = swing.objective(FORCES, self.recorded, SIGMA, TIGHT)
+        self.fitted: list[str] = []
+
+    def guess(self, name: str, start: LinearStart) -> FittedGuess:
+        """Return a start that is fitted to the first window."""
+        model = EpisodeStarts((start,))
+        problem = self.objective.with_start(model)
+        return FittedGuess(name, model, fit_first_window(problem, self.std).phi, 1.0)
+
+    @property
+    def std(self) -> Tensor:
+        """Std of each trace."""
+        return self.recorded.std(dim=0)
+
+    def fit_first(self, guess: FittedGuess) -> HorizonState:
+        """Fit the first samples from one guess."""
+        self.fitted.append(guess.name)
+        problem: LeastSquaresProblem = self.objective.with_start(guess.start)
+        return fit_first_horizon(problem, problem.embed(guess.z, []), SAMPLES, len(FORCES))
+
+
+@pytest.fixture(scope="module")
+def guesses(swing: Swing) -> tuple[Guesses, FittedGuess, FittedGuess]:
+    """The guesses; one that cannot represent the start, and one that can."""
+    made = Guesses(swing)
+    confined = LinearStart(swing.estimate.mean, torch.tensor([[0.3, 0.0]], dtype=torch.float64))
+    return made, made.guess("confined", confined), made.guess("free", swing.estimate)
+
+
+def test_a_guess_that_cannot_explain_the_first_samples_is_tried_last(
+    guesses: tuple[Guesses, FittedGuess, FittedGuess],
+) -> None:
+    made, confined, free = guesses
+    made.fitted.clear()
+    found = explaining_first([confined, free], made.fit_first, NEVER)
+    assert [guess.name for guess, _ in found] == ["free", "confined"]
+    assert made.fitted == ["confined", "free"]
+
+
+def test_no_further_guess_is_fitted_once_one_explains_the_first_samples(
+    guesses: tuple[Guesses, FittedGuess, FittedGuess],
+) -> None:
+    made, confined, free = guesses
+    made.fitted.clear()
+    guess, first = next(explaining_first([free, confined], made.fit_first, NEVER))
+    assert guess.name == "free" and first.explains_first
+    assert made.fitted == ["free"]
+
+
+def test_the_order_stays_if_no_guess_explains_the_first_samples(
+    guesses: tuple[Guesses, FittedGuess, FittedGuess],
+) -> None:
+    made, confined, _ = guesses
+    found = [*explaining_first([confined, confined], made.fit_first, NEVER)]
+    assert [first.explains_first for _, first in found] == [False, False]
+
+
+def test_at_the_deadline_one_guess_is_left(
+    guesses: tuple[Guesses, FittedGuess, FittedGuess],
+) -> None:
+    made, confined, free = guesses
+    found = explaining_first([confined, free], made.fit_first, Deadline(time.monotonic() - 1))
+    assert [guess.name for guess, _ in found] == ["confined"]
