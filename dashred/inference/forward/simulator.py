@@ -157,7 +157,10 @@ class Simulator:
             each.append(_blocks(_pad_samples(samples, len(times) - len(own)), wanted))
         for blocks in zip(*each, strict=True):
             states, columns = zip(*blocks, strict=True)
-            yield torch.stack(states, dim=1), torch.stack(columns, dim=2)
+            if len(blocks) == 1:  # A view: the columns of a plane are large.
+                yield states[0].unsqueeze(1), columns[0].unsqueeze(2)
+            else:
+                yield torch.stack(states, dim=1), torch.stack(columns, dim=2)
 
     def _each(self, change: Callable[[CandidateSimulator], CandidateSimulator]) -> Simulator:
         changed = {part: change(part) for part in dict.fromkeys(self.parts)}
@@ -190,18 +193,24 @@ def _blocks(samples: Samples, integrated: Tensor) -> Samples:
     tangents: list[Tensor] = []
     for state, columns in samples:
         states.append(state)
-        tangents.append(columns.double())
+        tangents.append(columns)
         # All episodes have blocks of the same length, whatever directions are integrated there.
         if len(states) * len(integrated) * state.numel() >= BLOCK_SIZE:
-            yield torch.stack(states), _with_zero_columns(torch.stack(tangents), integrated)
+            yield torch.stack(states), _stack(tangents, integrated)
             states, tangents = [], []
     if states:
-        yield torch.stack(states), _with_zero_columns(torch.stack(tangents), integrated)
+        yield torch.stack(states), _stack(tangents, integrated)
 
 
-def _with_zero_columns(columns: Tensor, integrated: Tensor) -> Tensor:
+def _stack(columns: Sequence[Tensor], integrated: Tensor) -> Tensor:
+    """Return the columns of some samples in double precision, zero if not integrated."""
     if bool(integrated.all()):
-        return columns
-    whole = columns.new_zeros((len(columns), len(integrated), *columns.shape[2:]))
-    whole[:, integrated] = columns
+        shape = len(columns), *columns[0].shape
+        whole = columns[0].new_empty(shape, dtype=torch.float64)
+        for sample, found in zip(whole, columns, strict=True):
+            sample.copy_(found)
+        return whole
+    shape = len(columns), len(integrated), *columns[0].shape[1:]
+    whole = columns[0].new_zeros(shape, dtype=torch.float64)
+    whole[:, integrated] = torch.stack(list(columns)).double()
     return whole

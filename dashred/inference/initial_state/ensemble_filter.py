@@ -12,6 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -23,6 +24,7 @@ from dashred.inference.initial_state.covariance_tapers import (
     gaspari_cohn,
     sensor_distances,
 )
+from dashred.inference.initial_state.serial_analysis import analyse
 from dashred.physics.solvers.compiled_simulator import compile_if_worthwhile
 from dashred.physics.system import System, Term
 from dashred.physics.terms.library import resolve
@@ -126,6 +128,7 @@ def ensemble_filter(
         system, resolve(system, terms), members, float(times[-1] - times[0])
     )
     tapers = _Tapers(system, operator, settings, coefficients.shape[1])
+    std, no_limits = np.ascontiguousarray(noise.numpy()), np.full(len(noise), np.inf)
     states, starts = members, members
     innovations, stds = torch.full_like(values, torch.nan), torch.full_like(values, torch.nan)
     means = members.new_empty((len(times), *members.shape[1:]))
@@ -140,7 +143,9 @@ def ensemble_filter(
         states = centre + settings.inflation * (states - centre)
         readings = operator(states, float(times[i]))
         joint = torch.cat([readings, states.flatten(1), starts.flatten(1), coefficients], dim=1)
-        joint, innovations[i], stds[i] = _analyse(joint, values[i], noise, tapers.weights)
+        observed = np.ascontiguousarray(values[i].numpy())
+        found = analyse(joint.numpy(), observed, std, tapers.weights.numpy(), no_limits)
+        innovations[i], stds[i] = map(torch.from_numpy, found[:2])
         states, starts, coefficients = tapers.split(joint)
         means[i] = states.mean(dim=0)
     parts = [_mean_and_anomalies(part) for part in (starts, states, coefficients)]
@@ -179,37 +184,6 @@ class _Tapers:
         _, states, starts, coefficients = joint.split(self.sizes, dim=1)
         shape = (len(joint), self.fields, *self.shape)
         return states.reshape(shape), starts.reshape(shape), coefficients
-
-
-def _analyse(
-    joint: Float[Tensor, "member entry"],
-    values: Float[Tensor, " sensor"],
-    noise: Float[Tensor, " sensor"],
-    weights: Float[Tensor, "sensor entry"],
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Assimilate the observations of one time, one after the other.
-
-    h are the anomalies of the reading, and the gain is ``k = ρ ∘ cov(x, h) / (var h + σ²)``. The
-    mean changes by ``k (y − h̄)`` and the anomalies by ``−α k h`` with
-    ``α = 1/(1 + √(σ²/(var h + σ²)))`` (Whitaker & Hamill 2002, eqs. 2 and 13). Without localisation
-    this gives the exact posterior covariance.
-
-    Returns:
-        the augmented vectors, and the innovations ``y − h̄`` and their expected std before the first
-        observation of this time.
-    """
-    mean, anomalies = _mean_and_anomalies(joint)
-    freedom, sensors = len(joint) - 1, len(values)
-    innovations = values - mean[:sensors]
-    stds = (anomalies[:, :sensors].square().sum(dim=0) / freedom + noise**2).sqrt()
-    for j in torch.nonzero(~values.isnan()).flatten().tolist():
-        h = anomalies[:, j].clone()
-        variance, error = h @ h / freedom, noise[j] ** 2
-        gain = weights[j] * (h @ anomalies) / (freedom * (variance + error))
-        alpha = 1 / (1 + (error / (variance + error)).sqrt())
-        mean = mean + gain * (values[j] - mean[j])
-        anomalies = torch.addr(anomalies, h, gain, alpha=-float(alpha))
-    return mean + anomalies, innovations, stds
 
 
 def _mean_and_anomalies(members: Tensor) -> tuple[Tensor, Tensor]:

@@ -21,12 +21,12 @@ from dashred.inference.initial_state.ensemble_filter import (
     FilterLostError,
     bounded_members,
 )
+from dashred.inference.initial_state.serial_analysis import analyse, inflate
 from dashred.inference.observer.localisation import sensor_tapers
 from dashred.inference.observer.march import March, points_of
 from dashred.inference.observer.random_differences import random_differences
 from dashred.inference.streaming.live_estimator import FAR, MIXING, Analysed, LiveSettings
 from dashred.inference.streaming.readout import Readout
-from dashred.inference.streaming.serial_analysis import analyse, inflate
 
 Array = NDArray[np.float64]
 

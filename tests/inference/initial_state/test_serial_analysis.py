@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from dashred.inference.streaming.serial_analysis import analyse, inflate
+from dashred.inference.initial_state.serial_analysis import analyse, inflate
 
 MEMBERS, SENSORS, STATE = 12, 3, 4
 NOISE = np.array([0.5, 0.3, 0.8])

@@ -1,7 +1,6 @@
-"""The analysis of an ensemble square-root filter in compiled code, for one sample in a stream.
+"""The analysis of an ensemble square-root filter in compiled code, one reading after the other.
 
-The equations are those of :mod:`dashred.inference.initial_state.ensemble_filter`; here there is no
-smoother and no parameter, and a sample has to take microseconds.
+A sample of a stream has to take microseconds, and the first guess of a plane has many entries.
 """
 
 from __future__ import annotations
