@@ -163,20 +163,6 @@ def test_only_recorder_and_scorer_import_the_seal() -> None:
     assert expected <= importers <= SECRET_MODULES
 
 
-def test_only_the_analysis_keeps_compiled_kernels() -> None:
-    """A kernel of the truth in the cache could be read by the analysis."""
-    keeping = {
-        path.relative_to(CHECKOUT).as_posix()
-        for path in (CHECKOUT / "dashred").rglob("*.py")
-        if "kernels_kept" in path.read_text()
-    }
-    assert keeping == {
-        "dashred/physics/backends/kernel_cache.py",
-        "dashred/pipeline/api/session.py",
-        "dashred/pipeline/equations.py",
-    }
-
-
 @pytest.mark.parametrize("word", ["sealed", "twins", "recorder"])
 def test_only_they_name_the_files_of_the_truth(word: str) -> None:
     """Beside them: the guard that refuses twins, and the table of commands, which names modules."""

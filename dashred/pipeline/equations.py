@@ -12,7 +12,6 @@ from dashred.core.tracking import RunTracker
 from dashred.inference.forward.first_compilation import compile_integrators
 from dashred.inference.hypotheses.result import Discovery
 from dashred.inference.segments.findings.error_growth import is_chaotic
-from dashred.physics.backends.kernel_cache import kernels_kept
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
 from dashred.pipeline import surrogate, trajectories
@@ -166,7 +165,7 @@ def analyse_equations(config: Config) -> Path:
         InputError: the input is wrong; the output folder may have been created, but is empty.
     """
     provenance.prepare_torch(config)
-    with analysis_cluster(config), kernels_kept():
+    with analysis_cluster(config):
         return _analyse(config)
 
 

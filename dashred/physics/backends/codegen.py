@@ -83,12 +83,11 @@ class CodeWriter:
         raise TypeError(f"{expr!r} is not pointwise")
 
 
-def define(source: str, scope: dict[str, Any], file: str = "<generated>") -> None:
+def define(source: str, scope: dict[str, Any]) -> None:
     """Define functions in a scope.
 
     Args:
         source: function definitions whose bodies are written by :class:`CodeWriter`.
         scope: names that the code uses; the functions are added to it.
-        file: file in which the functions seem to be defined.
     """
-    exec(compile(source, file, "exec"), scope)
+    exec(source, scope)

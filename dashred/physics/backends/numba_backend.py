@@ -9,10 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
-from pickle import UnpicklingError
 from typing import Any
 
 import numba
@@ -21,7 +19,6 @@ from numpy.typing import NDArray
 
 from dashred.physics.backends.codegen import CodeWriter, define
 from dashred.physics.backends.input_signals import NO_INPUTS, InputSignals
-from dashred.physics.backends.kernel_cache import file_of, forget
 from dashred.physics.backends.table_reader import table_reader
 from dashred.physics.expressions.algebra import Expr, names
 
@@ -36,8 +33,6 @@ WINDOWED_COEFFICIENT = "a + b * window(x, c, t, w, r, i) if b != 0.0 else a"
 
 # Sums may be reordered and fused; NaN and infinity keep their meaning.
 FAST_MATH = {"contract", "reassoc", "arcp", "nsz"}
-OPTIONS: dict[str, Any] = {"fastmath": FAST_MATH, "error_model": "numpy"}
-OPTIONS_TEXT = f"{KERNEL} {sorted(FAST_MATH)} {OPTIONS['error_model']}"
 
 
 @dataclass(frozen=True)
@@ -166,30 +161,10 @@ def _window_code(
 def _compile(source: str, window: str, input_signals: InputSignals) -> Kernel:
     """Compile a kernel; kernels with equal code are compiled once."""
     # The cache keeps the signals, and so their table, as long as the kernel.
-    # Numba imports the module by name when it loads machine code.
-    scope: dict[str, Any] = {
-        "__name__": __name__,
-        "math": math,
-        "at": table_reader(input_signals.table),
-    }
-    code = f"{window}\n{source}"
-    # Machine code that reads inputs contains the address of their table.
-    file = None if input_signals.values else file_of(code, OPTIONS_TEXT)
-    if file is not None:
-        try:
-            return _compile_code(code, scope, str(file))
-        except (OSError, EOFError, UnpicklingError):  # deleted meanwhile, a full disk, or damaged
-            with suppress(OSError):
-                forget(file)
-    return _compile_code(code, scope, None)
-
-
-def _compile_code(code: str, scope: dict[str, Any], file: str | None) -> Kernel:
-    """Compile ``kernel`` and the ``window`` that it calls; keep the machine code beside a file."""
-    define(code, scope, file or "<generated>")
-    keep = file is not None
-    scope["window"] = numba.njit(**OPTIONS, cache=keep)(scope["window"])
-    compiled: Kernel = numba.cfunc(KERNEL, **OPTIONS, cache=keep)(scope["kernel"])
+    scope: dict[str, Any] = {"math": math, "at": table_reader(input_signals.table)}
+    define(f"{window}\n{source}", scope)
+    scope["window"] = numba.njit(fastmath=FAST_MATH, error_model="numpy")(scope["window"])
+    compiled: Kernel = numba.cfunc(KERNEL, fastmath=FAST_MATH, error_model="numpy")(scope["kernel"])
     return compiled
 
 

@@ -11,7 +11,6 @@ import torch
 from threadpoolctl import threadpool_limits
 
 from dashred.config import Config
-from dashred.physics.backends.kernel_cache import kernels_kept
 from dashred.pipeline.run.analysis_cluster import analysis_cluster
 from dashred.pipeline.run.provenance import prepare_torch
 
@@ -35,7 +34,7 @@ def session(config: Config) -> Iterator[None]:
     with warnings.catch_warnings(), isolate_rng(), threadpool_limits(1):
         try:
             prepare_torch(config)
-            with analysis_cluster(config), kernels_kept():
+            with analysis_cluster(config):
                 yield
         finally:
             torch.set_num_threads(threads)
