@@ -61,7 +61,7 @@ def fit_first_horizon(
 ) -> HorizonState:
     """Fit the first samples with the candidates that have the most distinct effects.
 
-    They can represent the others over the next stretch. If the misfit is larger than noise, the
+    They can represent the others over the next stretch. If χ²/n is larger than noise explains, the
     prior is widened for the candidates that need it.
 
     Args:

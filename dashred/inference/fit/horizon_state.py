@@ -1,4 +1,4 @@
-"""The fit over the present horizon: a stage of :mod:`.growing_horizon`."""
+"""The fit over the present horizon, which :mod:`.growing_horizon` extends."""
 
 from __future__ import annotations
 
@@ -14,6 +14,9 @@ from dashred.inference.fit.levenberg_marquardt import FitResult, minimise
 from dashred.inference.fit.selection.subset_search import most_distinct_candidates
 from dashred.inference.fit.selection.widened_fit import fit_widened
 
+# A fit explains the first samples if it leaves at most this χ²/n. They are few, so that noise alone
+# may leave more than 1.
+EXPLAINED = 1.3
 # A stage fails if its misfit exceeds the typical misfit of the earlier stages by this factor.
 DIVERGED = 1.3
 STAGE_STEPS = 6
@@ -54,8 +57,8 @@ class HorizonState:
 
     @property
     def explains_first(self) -> bool:
-        """Whether the fit of the first samples leaves little more than noise."""
-        return self.levels[0][1] <= DIVERGED
+        """Whether the fit of the first samples leaves no more than noise may."""
+        return self.levels[0][1] <= EXPLAINED
 
     @property
     def widened(self) -> tuple[int, ...]:
@@ -69,7 +72,7 @@ class HorizonState:
         return float(factors.max()) if len(factors) else 1.0
 
     def fit_first(self) -> None:
-        """Fit the first horizon, which is short enough to have no deadline."""
+        """Fit the first horizon, even after the deadline: the result needs a fit."""
         deadline, self.objective = self.objective.deadline, replace(self.objective, deadline=NEVER)
         fitted = self._fit(self.objective, self.members, self.samples, STAGE_STEPS)
         self._adopt(fitted, self.samples)

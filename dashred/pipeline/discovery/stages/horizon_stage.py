@@ -33,8 +33,8 @@ def fit_from_first_guesses(
 ) -> tuple[FittedGuess, HorizonFit]:
     """Extend the horizon from each first guess until one of them reaches the end of the record.
 
-    A first guess with few modes may be near the record and yet unable to fit its first samples,
-    whatever the law. Those that leave more than noise there are tried after the others.
+    A first guess with few modes may have a small error and still be unable to fit the first samples
+    to the noise, whatever the law. Such a guess is tried after the others.
 
     Args:
         problem: recording and settings.
@@ -58,7 +58,7 @@ def fit_from_first_guesses(
         return fit_first_horizon(objective, initial, samples, settings.walking)
 
     best: tuple[FittedGuess, HorizonFit] | None = None
-    for guess, first in explaining_first(guesses, fit_first, deadline):
+    for guess, first in explaining_guesses_first(guesses, fit_first, deadline):
         horizon = grow_horizon(first, settings.walking, report)
         if best is None or horizon.samples > best[1].samples:
             best = guess, horizon
@@ -70,14 +70,15 @@ def fit_from_first_guesses(
     return best
 
 
-def explaining_first(
+def explaining_guesses_first(
     guesses: Sequence[FittedGuess],
     fit_first: Callable[[FittedGuess], HorizonState],
     deadline: Deadline,
 ) -> Iterator[tuple[FittedGuess, HorizonState]]:
-    """Yield each guess and its fit of the first samples, those that explain the samples first.
+    """Yield guesses and their fits of the first samples; those that explain them come first.
 
-    Guesses that are not fitted at the deadline are left out.
+    A guess is fitted when it is needed, and left out if that is after the deadline. The order is
+    otherwise that of the argument.
     """
     others: list[tuple[FittedGuess, HorizonState]] = []
     for guess in guesses:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import pytest
 import torch
@@ -16,7 +17,10 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.forward.episodes import EpisodeStarts
 from dashred.inference.initial_state.start_models import LinearStart
 from dashred.pipeline.discovery.first_guess_stage import FittedGuess
-from dashred.pipeline.discovery.stages.horizon_stage import explaining_first, selection_prior
+from dashred.pipeline.discovery.stages.horizon_stage import (
+    explaining_guesses_first,
+    selection_prior,
+)
 from tests.swing import FORCES, Swing, noisy
 
 SIGMA, TIGHT, Z = 0.05, 0.05, (0.8, -0.6)
@@ -77,7 +81,7 @@ def test_a_guess_that_cannot_explain_the_first_samples_is_tried_last(
 ) -> None:
     made, confined, free = guesses
     made.fitted.clear()
-    found = explaining_first([confined, free], made.fit_first, NEVER)
+    found = explaining_guesses_first([confined, free], made.fit_first, NEVER)
     assert [guess.name for guess, _ in found] == ["free", "confined"]
     assert made.fitted == ["confined", "free"]
 
@@ -87,7 +91,7 @@ def test_no_further_guess_is_fitted_once_one_explains_the_first_samples(
 ) -> None:
     made, confined, free = guesses
     made.fitted.clear()
-    guess, first = next(explaining_first([free, confined], made.fit_first, NEVER))
+    guess, first = next(explaining_guesses_first([free, confined], made.fit_first, NEVER))
     assert guess.name == "free" and first.explains_first
     assert made.fitted == ["free"]
 
@@ -96,13 +100,18 @@ def test_the_order_stays_if_no_guess_explains_the_first_samples(
     guesses: tuple[Guesses, FittedGuess, FittedGuess],
 ) -> None:
     made, confined, _ = guesses
-    found = [*explaining_first([confined, confined], made.fit_first, NEVER)]
-    assert [first.explains_first for _, first in found] == [False, False]
+    other = replace(confined, name="other")
+    for order in ([confined, other], [other, confined]):
+        found = [*explaining_guesses_first(order, made.fit_first, NEVER)]
+        assert [guess for guess, _ in found] == order
+        assert not any(first.explains_first for _, first in found)
 
 
 def test_at_the_deadline_one_guess_is_left(
     guesses: tuple[Guesses, FittedGuess, FittedGuess],
 ) -> None:
     made, confined, free = guesses
-    found = explaining_first([confined, free], made.fit_first, Deadline(time.monotonic() - 1))
+    found = explaining_guesses_first(
+        [confined, free], made.fit_first, Deadline(time.monotonic() - 1)
+    )
     assert [guess.name for guess, _ in found] == ["confined"]
