@@ -31,11 +31,9 @@ EVIDENCE = {
         "dashred.evaluation.performance.command", "measure how run time and memory grow"
     ),
     "bench": Entry("dashred.evaluation.bench", "run many twin experiments and tabulate them"),
-    "compare": Entry(
-        "dashred.evaluation.compare", "run a bench and other methods on the same data"
-    ),
+    "compare": Entry("dashred.evaluation.compare", "compare dashred with other methods on twins"),
     "prove": Entry("dashred.evaluation.prove", "analyse random cases with hidden truths"),
-    "evaluate": Entry("dashred.evaluation.evaluate", "foreign truths, and tables of single parts"),
+    "evaluate": Entry("dashred.evaluation.evaluate", "test on systems from elsewhere, and parts"),
     "publish": Entry("dashred.evaluation.publish", "publish cases without their truths"),
     "record": Entry("dashred.evaluation.twins.record_command", "record a twin with a hidden truth"),
     "score": Entry("dashred.evaluation.twins.score_command", "score findings against the truth"),

@@ -70,8 +70,8 @@ def simulate(problem: Problem, seconds: dict[str, float]) -> SimulationRuns:
             where=problem.config.where("budget"),
             hint=hint_of_failure(
                 problem.system.program,
-                "give more time, budget=SECONDS, a coarser grid, or fewer simulation.members; "
-                "other work on the machine takes time, too",
+                "increase budget=SECONDS, or choose a coarser grid or fewer simulation.members; "
+                "other processes on the machine also take time",
             ),
         ) from None
 

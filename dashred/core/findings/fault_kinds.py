@@ -38,6 +38,6 @@ FAULT_KINDS = {
     ),
     "wandering": FaultKind(
         "the largest error of its readings",
-        "the readings of sensor {sensor} wander: their error is up to {reading} at t = {peak}",
+        "the readings of sensor {sensor} wander: their largest error is {reading}, at t = {peak}",
     ),
 }

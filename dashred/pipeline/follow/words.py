@@ -24,8 +24,8 @@ def alarm_text(alarm: Alarm, names: Sequence[str], is_at_begin: bool) -> str:
         return f"the alarm ends at t = {alarm.time:g}: {named or 'the readings'} as expected again"
     if is_at_begin and alarm.kind in ("several", "only"):
         return (
-            f"ALARM {when}: from the beginning the readings do not follow this system. Is this the "
-            "recording of another system, or in other units?"
+            f"ALARM {when}: the readings have not agreed with this system since the start. Do they "
+            "come from another system, or have other units?"
         )
     if alarm.kind == "begun":
         return f"ALARM {when}: {named or 'the sum of all sensors'} differs from the filter"
@@ -39,11 +39,12 @@ def alarm_text(alarm: Alarm, names: Sequence[str], is_at_begin: bool) -> str:
             f"ALARM {when}: {named} differs from the corrected simulator. With one sensor a fault "
             "of the sensor and a change of the physics cannot be told apart"
         )
-    who = f"{named} differ" if len(alarm.sensors) > 1 else f"{named or 'all sensors together'} and "
-    rest = "" if len(alarm.sensors) > 1 else "the sum of all differ"
+    who = f"{named} differ" if named else "the sum of all sensors differs"
+    if len(alarm.sensors) == 1:
+        who = f"{named} and the sum of all sensors differ"
     return (
-        f"ALARM {when}: {who}{rest} from the corrected simulator, and no single sensor explains "
-        "it: the physics has changed"
+        f"ALARM {when}: {who} from the corrected simulator, and no single sensor explains it: the "
+        "physics has changed"
     )
 
 

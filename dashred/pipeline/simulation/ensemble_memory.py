@@ -105,7 +105,7 @@ def plan_memory(
             f"the run needs about {memory_text(plan.on_disk)} even with the ensemble on disk, more "
             f"than {memory_text(limit)}",
             where=config.where(KEY),
-            hint="allow more, simulation.memory; or choose a coarser grid, fewer samples "
+            hint="increase simulation.memory, or choose a coarser grid, fewer samples "
             "(recording.every) or fewer shred.modes",
         )
     return plan
@@ -182,5 +182,5 @@ def check_in_memory(problem: Problem) -> None:
             f"replace its ensemble take {memory_text(plan.in_memory)} of memory, more than "
             f"{memory_text(plan.limit)}",
             where=problem.config.where(KEY),
-            hint="allow more, simulation.memory; or choose fewer simulation.members",
+            hint="increase simulation.memory, or choose fewer simulation.members",
         )

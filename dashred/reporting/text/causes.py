@@ -10,8 +10,8 @@ from dashred.core.units import NO_UNITS
 from dashred.reporting.text.sensor_faults import fault_text
 
 EXTENDED = (
-    "no law of the library explains the recording; a law of the extended library, with functions, "
-    "higher powers and waves in space or time, does"
+    "no law of the library explains the recording, but a law of the extended library does. That "
+    "library also contains functions, higher powers and waves in space or time"
 )
 LEAST_CHANCE = 0.001
 # A less probable cause is not reported.
@@ -44,7 +44,10 @@ def cause_text(cause: Cause, units: Mapping[str, str] = NO_UNITS) -> str | None:
             return fault_text(cause, units)
         case "initial-condition":
             factor = f"{cause['start']:g}"
-            return f"the start lies outside of its prior, at about {factor} times its spread"
+            return (
+                "the initial state lies outside its prior, at a distance of about "
+                f"{factor} standard deviations of the prior"
+            )
         case "not-converged":
             return _not_converged(cause)
         case "unresolved-numerics":
@@ -54,14 +57,14 @@ def cause_text(cause: Cause, units: Mapping[str, str] = NO_UNITS) -> str | None:
         case "outside-library" if "gain" in cause:
             gain = cause["gain"]
             # Without a run that stays finite there is no number.
-            size = f"gains {gain:.3g} in evidence" if math.isfinite(gain) else "is large"
+            size = f"is {gain:.3g}" if math.isfinite(gain) else "is large"
             ratio = noise_ratio(cause.get("unexplained", 0.0), cause.get("misfit", 1.0))
             if ratio < NOISE_RATIO:
-                return f"what the best law of a few terms leaves unexplained {size}"
+                return f"the evidence for a force beyond the best law with a few terms {size}"
             return (
-                "the best law of a few terms leaves residuals of "
-                f"{number(float(f'{ratio:.2g}'))} times the noise, and what it leaves unexplained "
-                f"{size}"
+                "the best law with a few terms leaves residuals of "
+                f"{number(float(f'{ratio:.2g}'))} times the noise, and the evidence for a force "
+                f"beyond it {size}"
             )
         case "outside-library" if "residual" in cause:
             return (
@@ -78,9 +81,11 @@ def cause_text(cause: Cause, units: Mapping[str, str] = NO_UNITS) -> str | None:
                 "nearest of its size"
             )
         case "outside-library" if "source" in cause:
-            return "no law of the library explains the recording; a localised source does"
+            return "no law of the library explains the recording, but a localised source does"
         case "outside-library" if "hidden_state" in cause:
-            return "no law of the library explains the recording; a law with a hidden state does"
+            return (
+                "no law of the library explains the recording, but a law with a hidden state does"
+            )
         case "outside-library":
             return EXTENDED
     return None
@@ -141,7 +146,7 @@ def _not_converged(cause: Cause) -> str:
         case "budget":
             return (
                 "a part of the search reached the end of its share of the budget of "
-                f"{cause['budget']:g} s: give more time, budget=SECONDS"
+                f"{cause['budget']:g} s. To allow more time, set budget=SECONDS"
             )
     return (
         f"no tested cause explains the recording: {percent(cause['unexplained'])} of the misfit "
@@ -167,9 +172,9 @@ def _unresolved(cause: Cause) -> str:
 
 def _mismatch(cause: Cause) -> str:
     text = (
-        "SHRED, trained on the snapshots alone, misses the sensors of the recording by "
-        f"{_missed(cause['states'])}. It misses their change over {cause['changes']['samples']} "
-        f"samples by {_missed(cause['changes'])}"
+        "At the sensors of the recording, the error of SHRED, trained on the snapshots alone, is "
+        f"{_missed(cause['states'])}. The error of the change over {cause['changes']['samples']} "
+        f"samples is {_missed(cause['changes'])}"
     )
     if cause["kind"] == "no-mismatch-seen":
         text += (

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from dashred.core.formatting import number, sentence
+from dashred.core.formatting import joined, number, sentence
 from dashred.core.units import NO_UNITS
 from dashred.reporting.text.causes import cause_text, fault_causes
 from dashred.reporting.text.fitted_parameters import values_in_a_row
@@ -128,7 +128,7 @@ def _conclusion(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
             if not is_confirmed(findings):
                 refuted = ", which the held-out data contradict"
             best = f"; the nearest is {missing}{refuted}" if missing else ""
-            nothing_explains = "no law of a few terms of the library explains the recording"
+            nothing_explains = "no law with a few terms from the library explains the recording"
             return f"{nothing_explains}{best}"
         case "unconfirmed" if not terms:
             return (
@@ -172,10 +172,10 @@ def _faults(findings: Mapping[str, Any]) -> str | None:
 def _listed(parts: Sequence[str], mostly: Sequence[str] = ()) -> str:
     """Return the effects in a row, each once: terms that differ may have the same effect."""
     if len(parts) <= FEW:
-        return " and ".join(dict.fromkeys(parts))
+        return joined(list(dict.fromkeys(parts))) if parts else ""
     if not mostly:
         return f"{len(parts)} effects at once"
-    return f"mostly {' and '.join(dict.fromkeys(mostly))} ({len(parts)} terms in all)"
+    return f"mostly {joined(list(dict.fromkeys(mostly)))} ({len(parts)} terms in all)"
 
 
 def _improvement(findings: Mapping[str, Any]) -> str | None:
@@ -192,7 +192,7 @@ def _improvement(findings: Mapping[str, Any]) -> str | None:
     if ratio >= SAME:
         change = f"{_times(ratio)} smaller"
         if _is_useless(findings["fit"], key):
-            only = f"{only}, but it still exceeds that of a constant"
+            only = f"{only}, but it still exceeds the error of a constant prediction"
     elif ratio <= 1 / SAME:
         change = f"{_times(1 / ratio)} larger"
     return f"with this correction, the error {PLACES[key]} is {change}{only}"

@@ -73,7 +73,7 @@ def improvements(findings: Mapping[str, Any]) -> list[str]:
             parts.insert(0, f"{error_text(same_start)} for the simulation from {start}")
         change = _factor(error_before(findings, key), corrected)
         if findings["terms"] and is_lost(fit, key):
-            change = "runs of this chaotic system are lost before then"
+            change = "this chaotic system is not predictable that far ahead"
         lines.append(
             f"{place} the error is {', '.join(parts)}: {change}.{_predictable(findings, key)}"
             f"{_little_evidence(samples.get(key))}"
@@ -101,8 +101,8 @@ def _predictable(findings: Mapping[str, Any], key: str) -> str:
             before, after = each["before"], each["after"]
             horizon = with_unit(f"{each['horizon']:.3g}", findings.get("units", NO_UNITS).get(TIME))
             return (
-                f" Errors of a run grow until it is lost. In the first {horizon} of a run the "
-                f"error is {error_text(before)} from the best start and "
+                " The error of a run grows until the run is no longer predictive. In the first "
+                f"{horizon} of a run the error is {error_text(before)} from the best start and "
                 f"{error_text(after)} with the correction: {_factor(before, after)}."
             )
     return ""
@@ -114,7 +114,7 @@ def resolution_warning(fit: Mapping[str, Any]) -> list[str]:
     if fit.get("failure"):
         failed = [
             f"The simulator: {fit['failure']}. A run that reaches such a step ends there, and no "
-            "error of it is stated."
+            "error is given for it."
         ]
     if error is None or error <= 1:
         return failed
@@ -125,16 +125,16 @@ def resolution_warning(fit: Mapping[str, Any]) -> list[str]:
     if error >= LARGEST_OWN_ERROR:
         return [
             *failed,
-            "At the start of the recording, either the corrected simulation or the same at half "
-            "of the time step does not stay finite. A term that acts only there may express this. "
-            f"To check, {remedy}, and run again.",
+            "At the start of the recording, either the corrected simulation or the same simulation "
+            "with half the time step does not stay finite. A term that acts only there may be an "
+            f"artefact of this. To check, {remedy}, and run again.",
         ]
     return [
         *failed,
         "At the start of the recording, the numerical error of the corrected simulation is "
         f"{size} times the residuals of the fit. The resolution was checked before the law was "
-        f"known. A term that acts only there may express this error. To check, {remedy}, and run "
-        "again.",
+        "known. A term that acts only there may be an artefact of this error. To check, "
+        f"{remedy}, and run again.",
     ]
 
 
@@ -144,8 +144,8 @@ def forecast_limits(findings: Mapping[str, Any]) -> list[str]:
     if (diverges := fit.get("diverges")) is not None:
         time = with_unit(f"{diverges:.4g}", units.get(TIME))
         lines.append(
-            f"The corrected simulation leaves all bounds at t = {time}, and shorter time steps do "
-            "not prevent it: there the law diverges. There is no forecast after that."
+            f"The corrected simulation diverges at t = {time}, also with shorter time steps: the "
+            "law itself diverges. There is no forecast after this time."
         )
     if (dt := fit.get("corrected_dt")) is not None:
         step = with_unit(number(float(f"{dt:.6g}")), units.get(TIME))
@@ -171,7 +171,7 @@ def assimilation_gains(findings: Mapping[str, Any]) -> list[str]:
         parts += [f"{shred:.3g} with SHRED", f"{dashred:.3g} with DA-SHRED"]
         gain = "DA-SHRED equals SHRED, because its validation sensors confirmed no change"
         if shred != dashred:
-            gain = f"assimilation makes it {_factor(shred, dashred)}"
+            gain = f"{_factor(shred, dashred)} after assimilation"
         lines.append(f"{place} the error is {', '.join(parts)}: {gain}.")
     return lines
 

@@ -92,7 +92,7 @@ def _unsupported(findings: Mapping[str, Any]) -> list[str]:
     is_said = names_nearest_law(findings) or not is_confirmed(findings)
     if is_said or not is_unsupported(findings):
         return []
-    return ["no held-out data support this law: its error is nowhere smaller"]
+    return ["no held-out data support this law: it does not reduce the error on any of them"]
 
 
 def other_laws(findings: Mapping[str, Any]) -> list[str]:

@@ -20,12 +20,12 @@ def source_text(source: Mapping[str, Any], units: Mapping[str, str] = NO_UNITS) 
 
 
 def short_source_text(source: Mapping[str, Any], units: Mapping[str, str] = NO_UNITS) -> str:
-    """Return a source without errors: ``a source in the equation of c about x = 8.3``."""
+    """Return a source without errors: ``a source in the equation of c near x = 8.3``."""
     places = " and ".join(
         f"{each['axis']} = {with_unit(f'{place:.3g}', units.get(each['axis']))}"
         for each, place in zip(source["region"], source["place"], strict=True)
     )
-    text = f"a {_kind(source)} in the equation of {source['equation']} about {places}"
+    text = f"a {_kind(source)} in the equation of {source['equation']} near {places}"
     if source["period"] is None:
         return text
     period = with_unit(f"{source['period']:.3g}", units.get(TIME))
@@ -43,7 +43,7 @@ def _place(source: Mapping[str, Any], units: Mapping[str, str]) -> str:
     ):
         axis = region["axis"]
         places.append(f"{axis} = {with_unit(with_error(place, std), units.get(axis))}")
-    return f"about {' and '.join(places)}"
+    return f"at {' and '.join(places)}"
 
 
 def _region(source: Mapping[str, Any], units: Mapping[str, str]) -> str:
@@ -61,10 +61,10 @@ def _region(source: Mapping[str, Any], units: Mapping[str, str]) -> str:
 def _course(source: Mapping[str, Any], units: Mapping[str, str]) -> str:
     if source["period"] is not None:
         period = with_error(source["period"], source["period_std"])
-        return f", that pulsates with a period of {with_unit(period, units.get(TIME))}"
+        return f"; it pulsates with a period of {with_unit(period, units.get(TIME))}"
     if source["begin"] is not None:
         begin = with_error(source["begin"], source["begin_std"])
-        return f", that begins at time {with_unit(begin, units.get(TIME))}"
+        return f"; it begins at time {with_unit(begin, units.get(TIME))}"
     return ""
 
 
@@ -89,7 +89,7 @@ def source(findings: Mapping[str, Any]) -> list[str]:
         f"{axis} = {with_unit(f'{place:.3g}', units.get(axis))}"
         for axis, place in zip(_axes(findings), forcing["peak"], strict=True)
     )
-    return [f"The force that the simulation lacks is largest about {peak}."]
+    return [f"The force that the simulation lacks is largest near {peak}."]
 
 
 def _force_in_time(forcing: Mapping[str, Any]) -> list[str]:
@@ -105,7 +105,7 @@ def _force_in_time(forcing: Mapping[str, Any]) -> list[str]:
     equations = "equation" if len(acting) == 1 else "equations"
     return [
         f"The force that the simulation lacks acts in the {equations} of {' and '.join(acting)}, "
-        f"and is largest about t = {when:.4g}."
+        f"and is largest near t = {when:.4g}."
     ]
 
 

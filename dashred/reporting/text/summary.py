@@ -81,9 +81,9 @@ def _budget(budget: Mapping[str, Any] | None) -> list[str]:
     left_out = ", ".join(budget["not_tried"])
     cpu = f", {budget['cpu']:g} s of CPU" if "cpu" in budget else ""
     return [
-        f"Every stage has a share of the budget of {budget['seconds']:g} s, and not every share "
-        f"sufficed (the run took {budget['spent']:g} s{cpu}). Not tried or ended early: "
-        f"{left_out}. budget=SECONDS gives more."
+        f"Some stages used up their share of the budget of {budget['seconds']:g} s (the run took "
+        f"{budget['spent']:g} s{cpu}). Not tried or ended early: {left_out}. To allow more time, "
+        "set budget=SECONDS."
     ]
 
 

@@ -85,31 +85,31 @@ def contradictions(findings: Mapping[str, Any]) -> list[str]:
 def _too_few(findings: Mapping[str, Any]) -> str:
     """Return that many laws fit so few readings."""
     fit, terms = findings["fit"], findings["terms"]
-    coefficients, start = (
-        plural(len(terms), "coefficient"),
-        plural(fit["start_values"], "start value"),
-    )
+    fitted = plural(len(terms), "coefficient")
+    if fit["start_values"]:
+        fitted = f"{fitted} and {plural(fit['start_values'], 'start value')}"
     return (
-        f"{coefficients} and {start} were fitted to {fit['readings']} readings: other laws with as "
-        "many terms fit so few. Record more readings, or list only the terms that are possible in "
-        "library."
+        f"{fitted} were fitted to {fit['readings']} readings. Other laws with the same number of "
+        "terms also fit so few readings. Record more readings, or restrict the key library to the "
+        "terms that are possible."
     )
 
 
 def _contradicted_faults(fit: Mapping[str, Any]) -> str:
     """Return why not only sensors err."""
-    likely = "It does not: an effect that the simulation lacks is more likely."
+    likely = "This is not the case: an effect that the simulation lacks is more likely."
     if fit.get("unconfirmed") == "no-better-than-mean":
         return (
-            "If only these sensors erred, the simulation would predict the others better than "
-            f"their mean does. {likely}"
+            "If only these sensors were faulty, the simulation would predict the others better "
+            f"than their mean does. {likely}"
         )
     misfits = fit["misfit_at_test_sensors"] or {}
     each = ", ".join(f"{error_text(misfit)} at {name}" for name, misfit in misfits.items())
     told = f" Errors in standard deviations of the fit's residuals: {each}." if each else ""
     return (
-        "If only these sensors erred, the simulation would agree with the sensors that no fit "
-        f"has used, or only distant ones would err as well. {likely}{told}"
+        "If only these sensors were faulty, the simulation would agree with the sensors that no "
+        "fit has used, except for faulty ones that are not next to these. "
+        f"{likely}{told}"
     )
 
 

@@ -27,7 +27,7 @@ VERDICTS = {
     "initial-condition": "the simulation starts from the wrong state",
     "sensor-fault": "a sensor is faulty, not the simulation",
     "unresolved-numerics": "the simulation is not resolved, so its physics cannot be assessed",
-    "outside-library": "no law of a few terms of the library explains the recording",
+    "outside-library": "no law with a few terms from the library explains the recording",
     "ambiguous": "several explanations fit about equally well",
     "not-converged": "the search did not converge",
     "mismatch": "the recording differs from the simulation, and snapshots alone cannot show why",

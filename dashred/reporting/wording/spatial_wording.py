@@ -46,7 +46,7 @@ def _advection(term: SizedTerm, carrier: Expr, axis: str, factor: float) -> Desc
     along = f" along {axis}" if len(term.system.axes) > 1 else ""
     if carrier == ONE:
         direction = "forward" if term.value < 0 else "backward"
-        effect = f"transport of {term.field_meaning}, {direction} in {axis}"
+        effect = f"{direction} transport of {term.field_meaning} in {axis}"
         return Description(effect, size, ", with velocity ")
     kind = "transport"
     if algebra.names(carrier) & set(term.system.fields) == {term.equation}:

@@ -121,7 +121,7 @@ def test_a_windowed_term_has_its_region(flow: System, shape, values, region, wor
                 None,
                 curves=(ErrorCurve((0.0, 2.5, 5.0), (0.1, -0.31, 0.2), (0.05, 0.05, 0.05)),),
             ),
-            "the readings of sensor s1 wander: their error is up to −0.31 ± 0.10 at t = 2.5",
+            "the readings of sensor s1 wander: their largest error is −0.31 ± 0.10, at t = 2.5",
         ),
         (
             SensorFault("misplaced", "s1", -0.12, 0.02, None),

@@ -335,8 +335,8 @@ def test_the_equations_show_what_is_put_into_them() -> None:
             "The simulation leaves out a further change of u. With",
         ),
         (
-            {"terms": [TERM | {"effect": "transport of u, forward in x"}]},
-            "The simulation leaves out transport of u, forward in x. With",
+            {"terms": [TERM | {"effect": "forward transport of u in x"}]},
+            "The simulation leaves out forward transport of u in x. With",
         ),
         (
             {"verdict": "parameter", "terms": [CHANGE]},

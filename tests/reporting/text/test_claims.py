@@ -148,7 +148,7 @@ def test_the_nearest_law_is_called_so_and_whether_held_out_data_support_it() -> 
     assert "  Sensor a reads too high." in verdict_lines(told)
     # Of other verdicts it is said in a sentence.
     other = found(BETTER, verdict="missing-term")
-    line = "No held-out data support this law: its error is nowhere smaller."
+    line = "No held-out data support this law: it does not reduce the error on any of them."
     assert line not in text_of(other)
     other["fit"]["heldout_time"]["corrected"] = 0.39
     assert f"  {line}" in verdict_lines(other)
@@ -165,10 +165,10 @@ def test_unconfirmed_faults_are_told_with_the_misfits_at_the_test_sensors() -> N
     told["fit"]["misfit_at_test_sensors"] = {"s03": 8.61, "s07": None}
     lines = verdict_lines(told)
     assert lines[1:3] == [
-        "  If only these sensors erred, the simulation would agree with the sensors that no fit "
-        "has used, or only distant ones would err as well. It does not: an effect that the "
-        "simulation lacks is more likely. Errors in standard deviations of the fit's residuals: "
-        "8.61 at s03, beyond all bounds at s07.",
+        "  If only these sensors were faulty, the simulation would agree with the sensors that no "
+        "fit has used, except for faulty ones that are not next to these. This is not the case: an "
+        "effect that the simulation lacks is more likely. Errors in standard deviations of the "
+        "fit's residuals: 8.61 at s03, beyond all bounds at s07.",
         "  Suggested, but not confirmed: the readings of sensor s08 wander.",
     ]
     assert headline(told) == (
@@ -177,8 +177,8 @@ def test_unconfirmed_faults_are_told_with_the_misfits_at_the_test_sensors() -> N
     )
     told["fit"]["unconfirmed"] = "no-better-than-mean"
     assert verdict_lines(told)[1] == (
-        "  If only these sensors erred, the simulation would predict the others better than their "
-        "mean does. It does not: an effect that the simulation lacks is more likely."
+        "  If only these sensors were faulty, the simulation would predict the others better than "
+        "their mean does. This is not the case: an effect that the simulation lacks is more likely."
     )
     confirmed = verdict_lines(told | {"verdict": "sensor-fault"})
     assert "  The readings of sensor s08 wander." in confirmed
@@ -278,7 +278,9 @@ def test_a_correction_that_predicts_no_better_than_a_constant_is_told_as_such() 
     told = found(verdict="missing-term")
     told["fit"]["test_sensors"] = errors_by_method()
     told["fit"]["heldout_time"] = errors_by_method(simulation_refit=2e4, corrected=1.36)
-    assert headline(told).endswith(" times smaller, but it still exceeds that of a constant.")
+    assert headline(told).endswith(
+        " times smaller, but it still exceeds the error of a constant prediction."
+    )
     told["fit"]["heldout_time"] = errors_by_method(simulation_refit=2e4, corrected=0.9)
     assert headline(told).endswith(" times smaller.")
 
@@ -287,7 +289,7 @@ def test_a_chaotic_system_is_told_up_to_the_time_at_which_its_runs_are_lost() ->
     cut: Any = BETTER | {"horizon": 12.345678, "before": 0.6, "after": 0.1}
     told = improvements(found(cut, verdict="missing-term", units={"t": "s"}))[1]
     assert told.endswith(
-        "Errors of a run grow until it is lost. In the first 12.3 s of a "
+        "The error of a run grows until the run is no longer predictive. In the first 12.3 s of a "
         "run the error is 0.6 from the best start and 0.1 with the correction: 6 times smaller."
     )
     only = found(cut, verdict="missing-term")
@@ -301,7 +303,7 @@ def test_data_for_which_both_chaotic_runs_are_lost_support_nothing() -> None:
     told["fit"]["test_sensors"] = errors_by_method()
     told["fit"]["heldout_restarted"] = errors_by_method(simulation_refit=1.2, corrected=0.1)
     [late, restarted] = improvements(told)
-    assert late.endswith(": runs of this chaotic system are lost before then.")
+    assert late.endswith(": this chaotic system is not predictable that far ahead.")
     assert restarted.endswith("12 times smaller.")
     assert headline(told).endswith("from a state fitted just before it, is 12 times smaller.")
     # A law that alone makes the run diverge is not a matter of chaos.
@@ -353,26 +355,26 @@ def test_terms_beside_a_law_that_does_not_explain_are_not_called_supported(chang
         # A quarter of the misfit is noise, and the given law leaves four times as much.
         (
             {"gain": 250.0, "unexplained": 0.75, "misfit": 4.0},
-            "the best law of a few terms leaves residuals of 4 times the noise, and what it leaves "
-            "unexplained gains 250 in evidence",
+            "the best law with a few terms leaves residuals of 4 times the noise, and the evidence "
+            "for a force beyond it is 250",
         ),
         (
             {"gain": 9.0, "unexplained": 0.1, "misfit": 0.9},
-            "what the best law of a few terms leaves unexplained gains 9 in evidence",
+            "the evidence for a force beyond the best law with a few terms is 9",
         ),
         (
             {"gain": 9.0, "unexplained": 0.75, "misfit": math.inf},
-            "the best law of a few terms leaves residuals of 2 times the noise, and what it leaves "
-            "unexplained gains 9 in evidence",
+            "the best law with a few terms leaves residuals of 2 times the noise, and the evidence "
+            "for a force beyond it is 9",
         ),
-        ({"gain": 9.0}, "what the best law of a few terms leaves unexplained gains 9 in evidence"),
+        ({"gain": 9.0}, "the evidence for a force beyond the best law with a few terms is 9"),
     ],
 )
 def test_what_the_best_law_leaves_is_told_and_not_what_no_law_can_do(cause: Any, told: str) -> None:
     whole: Any = {"kind": "outside-library", "probability": None} | cause
     assert cause_text(whole) == told
     text = text_of(found(verdict="outside-library", causes=[whole]))
-    assert "no law of a few terms of the library explains the recording" in text
+    assert "no law with a few terms from the library explains the recording" in text
     assert "cannot express" not in text
 
 

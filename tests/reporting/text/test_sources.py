@@ -46,12 +46,12 @@ def findings(**changed: Any) -> dict[str, Any]:
 
 def test_a_pulsating_source() -> None:
     assert source_text(SOURCE, {"x": "m", "t": "s"}) == (
-        "a source in the equation of c about x = 8.10 ± 0.10 m, between x = 7.66 and 8.57 m, that "
+        "a source in the equation of c at x = 8.10 ± 0.10 m, between x = 7.66 and 8.57 m; it "
         "pulsates with a period of 5.71 ± 0.04 s. Its mean strength, integrated over space, is "
         "0.162 ± 0.008; it explains 100 % of the misfit beyond noise"
     )
     assert short_source_text(SOURCE) == (
-        "a source in the equation of c about x = 8.1 that pulsates with a period of 5.71"
+        "a source in the equation of c near x = 8.1 that pulsates with a period of 5.71"
     )
 
 
@@ -61,19 +61,19 @@ def test_a_sink_that_begins_and_wraps_around_a_ring() -> None:
     text = source_text(sink)
     assert text.startswith("a sink in the equation of c")
     assert "between x = 11.70 and 0.40 across the ends of the axis" in text
-    assert "that begins at time 3.20 ± 0.20" in text
+    assert "; it begins at time 3.20 ± 0.20" in text
 
 
 def test_the_headline_and_the_summary_tell_the_source() -> None:
     found = findings()
-    assert headline(found).startswith("The simulation lacks a source in the equation of c about")
+    assert headline(found).startswith("The simulation lacks a source in the equation of c near")
     [line] = source(found)
     assert line.startswith("A source in the equation of c")
 
 
 def test_without_a_source_the_largest_force_is_told() -> None:
     found = findings(source=None, forcing={"peak": [8.3]})
-    assert source(found) == ["The force that the simulation lacks is largest about x = 8.3."]
+    assert source(found) == ["The force that the simulation lacks is largest near x = 8.3."]
     explained = found | {"causes": [{"kind": "missing-term", "probability": 1.0}]}
     assert source(explained) == []
 

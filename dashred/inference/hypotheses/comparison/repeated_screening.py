@@ -62,7 +62,7 @@ def repeat_screening(
             break
         report(
             0.6 + 0.05 * round_index,
-            f"a forcing gains {gain:.0f} on {best_fit.law}: screening",
+            f"evidence for a forcing beyond {best_fit.law}: {gain:.0f}; screening",
         )
         fits += screen(forcing_on_best, best_fit.law.score)
         new_best = min([best_fit, *fits], key=by_score)

@@ -121,7 +121,7 @@ def fit_residual_forcing(
         report: progress.
     """
     forcing, gain = fit_free_forcing(best.objective, best.phi, tendency_rms)
-    report(0.2, f"a free forcing gains {gain:.0f}")
+    report(0.2, f"evidence for a free forcing: {gain:.0f}")
     is_unclear = gain > MIN_FORCING_GAIN or has_rivals or may_imitate(best.law)
     alone = forcing if best is null else None
     residual = ResidualForcing(

@@ -78,7 +78,7 @@ def fit_first_trajectory(
             problem, coarse, nominal, given.ensemble, given.network, given.assimilated, report
         )
         errors = ", ".join(f"{g.name} {g.error:.2f}" for g in guesses)
-        report(1.0, f"{errors} σ error at the sensors")
+        report(1.0, f"RMSE at the sensors, in σ: {errors}")
     if problem.system.axes:
         begin = guesses[0].start
         objective = build_least_squares(problem, simulator, begin, candidates, weak)
