@@ -90,7 +90,7 @@ def check_delay(name: str, delay: float, inputs: InputSignals, where: Callable[[
     span = float(inputs.times[-1] - inputs.times[0])
     if delay and delay >= span:
         raise InputError(
-            f"the input {name} acts after {delay:g}, but its samples span {span:g}",
+            f"the delay of the input {name} is {delay:g}, but its samples span only {span:g}",
             where=where(f"system.inputs.{name}.delay"),
             hint="give a shorter delay; it is in the unit of time of the system",
         )

@@ -87,7 +87,7 @@ class Recording:
 
 @dataclass
 class SensorSplit:
-    """Sensors that are not fitted. A number is drawn with the seed; four at least stay fitted."""
+    """Sensors that are not fitted. A number is drawn with the seed. At least four stay fitted."""
 
     validate: Any
     """Sensors for early stopping and model selection: a number, or a list of names."""

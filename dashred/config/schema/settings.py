@@ -29,7 +29,7 @@ class Simulation:
     """Whether each member has a random draw of library terms added to its equations."""
 
     terms: Count
-    """Number of library terms in each draw; all of a smaller library."""
+    """Number of library terms in each draw. If the library has fewer, all are drawn."""
 
     amplitude: Annotated[NonNegative, Unit("the equation's tendency")]
     """Size of the tendency of a drawn term."""
@@ -221,8 +221,8 @@ class Settings:
 
     system: System
     library: dict[str, list[str]] | None
-    """Candidate terms of each equation or let; one that is not listed has none. Null builds them
-    from the fields and inputs, except for equations that only define another field
+    """Candidate terms of each equation or let. One that is not listed has no candidates. Null builds
+    them from the fields and inputs, except for equations that only define another field
     (``theta: omega``, ``q: p/m`` with a p that depends on q). Sines and cosines are then candidates
     for angles only: fields whose sine or cosine an equation contains, whose unit is ``rad`` or
     ``deg``, whose description says angle, or that ``recording.angles`` names."""
@@ -238,7 +238,7 @@ class Settings:
     trainer: Trainer
 
     budget: Annotated[Positive, Unit("seconds")] | None
-    """Time that an analysis may take, to a tenth. What it does not suffice for is left out and
+    """Time that an analysis may take, to within 10 %. What does not fit into it is left out and
     listed in the findings. It begins when all code is loaded; the first run of an installation
     compiles code for some seconds before. Null gives 600 s to a system with two axes, else 300 s.
     """

@@ -83,9 +83,11 @@ def check_recorded(
     driving = {column: name for name, column in inputs.items()}
     for sensor in sensors:
         if sensor.name in driving:
-            problem = f"column {sensor.name!r} is the input {driving[sensor.name]}, so it cannot be"
-            hint = "remove its line here: the simulator already gets its readings"
-            raise InputError(f"{problem} a sensor, too", where=places.path, hint=hint)
+            problem = (
+                f"column {sensor.name!r} is the input {driving[sensor.name]}, so it cannot also be"
+            )
+            hint = "remove its row here: the simulator already gets its readings"
+            raise InputError(f"{problem} a sensor", where=places.path, hint=hint)
         if sensor.name not in columns:
             problem = f"sensor {sensor.name!r} has no column in the recording {table.path}"
             raise InputError(problem, where=places.path, hint=nearest(sensor.name, table.columns))

@@ -161,7 +161,7 @@ def _snapshots(system: System, read: Episodes) -> Snapshots | None:
 def _check_steps(config: Config, span: float, dt: float) -> None:
     if span > MAX_STEPS * dt:
         what = f"the recording spans {span:g}, which takes too many steps of {dt:g}"
-        hint = f"the limit is {MAX_STEPS} steps: is the unit of time the same in both?"
+        hint = f"the limit is {MAX_STEPS} steps: does the recording use the unit of time of integrator.dt?"
         raise InputError(what, where=config.where("system.integrator.dt"), hint=hint)
 
 
@@ -182,7 +182,7 @@ def _check_starts(problems: Sequence[Problem]) -> None:
         if not torch.allclose(values, values[:1], atol=spread):
             what = f"the start of {field} reads an input that differs between the episodes"
             hint = f"give all episodes one start with a spread, {field}: {{value: …, spread: …}}: "
-            hint += "it is fitted in every episode by itself"
+            hint += "it is fitted separately in each episode"
             raise InputError(what, where=first.where(f"system.start.{field}"), hint=hint)
 
 

@@ -18,7 +18,7 @@ def check_dynamics(problem: Problem) -> None:
         return
     if config.assimilation.encoder_rate > 0:
         raise InputError(
-            "assimilation.dynamics keeps SHRED's LSTM as it is, and assimilation.encoder_rate "
+            "assimilation.dynamics=true freezes SHRED's LSTM, but assimilation.encoder_rate > 0 "
             "trains it",
             where=config.where("assimilation.encoder_rate"),
             hint="choose assimilation.encoder_rate=0, or assimilation.dynamics=false",

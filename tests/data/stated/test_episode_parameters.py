@@ -103,7 +103,9 @@ def test_delays_that_cannot_be_fitted(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="needs the name e_now, which is taken"):
         with_fitted_delays(taken, episodes)
     late = replace(system.config.inputs["e"], delay=9.0)
-    with pytest.raises(InputError, match="the input e acts after 9, but its samples span 4"):
+    with pytest.raises(
+        InputError, match="the delay of the input e is 9, but its samples span only 4"
+    ):
         with_fitted_delays(system.with_config(replace(system.config, inputs={"e": late})), episodes)
     text = TEXT.replace("title: a tank", "title: a tank\n  axes: {x: {length: 1, points: 8}}")
     with pytest.raises(InputError, match="cannot be fitted in a system with axes"):

@@ -49,7 +49,7 @@ def test_a_jump_costs_no_order(make_system, delay):
 
 
 def test_a_delay_beyond_the_recording_is_refused(make_system):
-    with pytest.raises(InputError, match="acts after 9, but its samples span 4"):
+    with pytest.raises(InputError, match="is 9, but its samples span only 4"):
         relaxed(make_system, 0.125, delay=9.0)
 
 

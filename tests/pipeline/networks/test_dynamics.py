@@ -105,7 +105,7 @@ def test_a_spent_budget_ends_it_after_an_epoch(configured: Configured) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("assimilation.encoder_rate=1e-3",), "keeps SHRED's LSTM as it is"),
+        (("assimilation.encoder_rate=1e-3",), "freezes SHRED's LSTM"),
         (
             ("system.axes.x.ends={left: {value: 1}, right: {slope: 0}}",),
             "needs equations with a fixed explicit step",

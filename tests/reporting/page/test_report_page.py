@@ -282,10 +282,10 @@ def test_the_page_tells_the_law_its_rivals_the_proof_and_where_it_comes_from(pag
     titles = [
         "Where",
         "What",
-        "How sure",
+        "Confidence",
         "Errors before and after the correction, on held-out data",
     ]
-    titles += ["Unexplained misfit", "How it was done", "Provenance", "The printed summary"]
+    titles += ["Unexplained misfit", "Method", "Provenance", "The printed summary"]
     places = [first, *map(words.index, titles)]
     assert places == sorted(places)
     for told in ("u³", "−0.0251", "−0.0259 … −0.0243", "98 %", "0.035 → 0.0500"):

@@ -65,12 +65,12 @@ def noise_remarks(recording: Recording, estimated: NDArray[np.float64]) -> Itera
     elif known.size:
         sizes = dict.fromkeys(f"{100 * float(x):.2g}" for x in (known.min(), known.max()))
         size = f"{' to '.join(sizes)} % of the standard deviation of the readings"
-        bound = f": {shortened(fast)} may change as fast as sampled" if fast else ""
+        bound = f"; {shortened(fast)} may change as fast as the samples are taken" if fast else ""
         yield Remark(f"The noise is {'at most' if fast else 'about'} {size}{bound}")
     noisy = [n for n, share in zip(names, shares, strict=True) if share > NOISY]
     if noisy:
         text = f"More than half of the variation is from sample to sample: {shortened(noisy)}"
-        hint = "nothing is wrong if these sensors are quiet, or driven by something as fast; "
+        hint = "this is correct if these sensors are quiet, or driven by something that changes as fast; "
         yield warning(text, f"{hint}otherwise sample faster")
     for sensor, sigma in zip(recording.sensors, estimated, strict=True):
         if sensor.std is None or sensor.name in fast:
@@ -80,7 +80,7 @@ def noise_remarks(recording: Recording, estimated: NDArray[np.float64]) -> Itera
                 f"{sensor.name}: the stated std is {sensor.std:.3g}, but the readings change by "
                 f"{sigma:.3g} from sample to sample"
             )
-            hint = "right if what is measured changes as fast; otherwise correct the std"
+            hint = "this is correct if the measured quantity changes as fast; otherwise correct the std"
             yield warning(text, hint)
 
 
@@ -103,6 +103,6 @@ def correlation_remark(
     if ratio > 1 - 4 / math.sqrt(fewest):
         return Remark("The noise looks white")
     return warning(
-        "The noise looks autocorrelated: neighbouring readings err alike",
+        "The noise looks autocorrelated: neighbouring readings have similar errors",
         "a run estimates the correlation and weights the samples accordingly",
     )

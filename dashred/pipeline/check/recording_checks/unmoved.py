@@ -15,7 +15,7 @@ from dashred.pipeline.check.remark import Remark, shortened
 SMALL, NOISY = 0.1, 0.5
 # Shares of the changes from one reading to the next that are zero, and of those at one value.
 REPEATED, AT_ONE_VALUE = 0.5, 0.9
-MOVED = "then they tell only that. Otherwise they may be stuck or disconnected"
+MOVED = "they then show only that. Otherwise they may be stuck or disconnected"
 
 
 def unmoved(recording: Recording, noise: NDArray[np.float64]) -> list[str]:
@@ -75,13 +75,13 @@ def unmoved_remarks(
     still = [name for name in names if std[name] == 0]
     noise = [name for name in names if std[name] > 0]
     late = [name for name in rests if name not in names]
-    hint = f"right if nothing has reached them yet, such as a wave: {MOVED}"
+    hint = f"this is correct if nothing, such as a wave, has reached them yet: {MOVED}"
     if still:
         yield Remark(f"Constant throughout: {shortened(still)}", hint=hint)
     if noise:
         yield Remark(f"Nothing but noise throughout: {shortened(noise)}", hint=hint)
     if late:
-        rest = "right if they are at rest then; otherwise they may be stuck"
+        rest = "this is correct if they are at rest during that time; otherwise they may be stuck"
         yield Remark(f"At one value for most of the record: {shortened(late)}", hint=rest)
 
 
