@@ -83,11 +83,10 @@ def check_recorded(
     driving = {column: name for name, column in inputs.items()}
     for sensor in sensors:
         if sensor.name in driving:
-            problem = (
-                f"column {sensor.name!r} is the input {driving[sensor.name]}, so it cannot also be"
-            )
+            known = f"column {sensor.name!r} is the input {driving[sensor.name]}"
             hint = "remove its row here: the simulator already gets its readings"
-            raise InputError(f"{problem} a sensor", where=places.path, hint=hint)
+            problem = f"{known}, so it cannot also be a sensor"
+            raise InputError(problem, where=places.path, hint=hint)
         if sensor.name not in columns:
             problem = f"sensor {sensor.name!r} has no column in the recording {table.path}"
             raise InputError(problem, where=places.path, hint=nearest(sensor.name, table.columns))
