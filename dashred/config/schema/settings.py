@@ -221,8 +221,8 @@ class Settings:
 
     system: System
     library: dict[str, list[str]] | None
-    """Candidate terms of each equation or let. One that is not listed has no candidates. Null builds
-    them from the fields and inputs, except for equations that only define another field
+    """Candidate terms of each equation or let. One that is not listed has none. Null builds them
+    from the fields and inputs, except for equations that only define another field
     (``theta: omega``, ``q: p/m`` with a p that depends on q). Sines and cosines are then candidates
     for angles only: fields whose sine or cosine an equation contains, whose unit is ``rad`` or
     ``deg``, whose description says angle, or that ``recording.angles`` names."""
