@@ -80,8 +80,12 @@ class Fault:
 
     def penalty(self, information: Tensor, samples: float, sensors: int) -> float:
         """Return the penalty for its parameters and for the choice of its kind and sensor."""
-        choice = 2 * math.log(len(FAULT_KINDS) * sensors)
-        return self.complexity.penalty(information, samples) + choice
+        return self.complexity.penalty(information, samples) + choice_penalty(sensors)
+
+
+def choice_penalty(sensors: int) -> float:
+    """Return the penalty for the choice of a fault's kind and sensor; its parameters cost more."""
+    return 2 * math.log(len(FAULT_KINDS) * sensors)
 
 
 Alternatives = tuple[Fault, ...]

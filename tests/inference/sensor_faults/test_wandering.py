@@ -29,6 +29,7 @@ from dashred.inference.hypotheses.sensors import fault_fits
 from dashred.inference.hypotheses.sensors.fault_fits import fit_sensor_hypotheses
 from dashred.inference.initial_state.start_models import LinearStart
 from dashred.inference.sensor_faults.error_curve import follows_state
+from dashred.inference.sensor_faults.fault import choice_penalty
 from dashred.inference.sensor_faults.fault_search import (
     FaultProblem,
     FaultSet,
@@ -256,6 +257,19 @@ def test_the_cost_without_a_faulty_sensor_is_the_noise(oscillator: Oscillator) -
     null = fitted(oscillator.problem(recorded))
     problem = FaultProblem.at(null.objective, null.phi, null.normal)
     assert costs_without_worst(problem, 1)[1] / recorded.numel() == pytest.approx(1.0, abs=0.15)
+
+
+def test_faults_that_cost_more_than_the_bound_are_not_searched(oscillator: Oscillator) -> None:
+    """Each fault costs at least the choice of its kind and sensor."""
+    recorded = oscillator.recorded(seed=1)
+    recorded[:, 1] += WANDER
+    null = fitted(oscillator.problem(recorded))
+    problem = FaultProblem.at(null.objective, null.phi, null.normal)
+    least = costs_without_worst(problem, 1)[1] + choice_penalty(recorded.shape[1])
+    assert fault_fits._useful_count(problem, least + 1, 0.0) == 1
+    assert fault_fits._useful_count(problem, least - 1, 0.0) == 0
+    # One fault that may have dragged the fit is searched in any case.
+    assert fault_fits._useful_count(problem, least - 1, least) == 1
 
 
 def test_one_fault_is_tried_where_several_explain_no_more(

@@ -19,7 +19,7 @@ from dashred.inference.hypotheses.hypothesis_fit import (
     HypothesisFit,
     fit_growing_horizon,
 )
-from dashred.inference.sensor_faults.fault import Fault
+from dashred.inference.sensor_faults.fault import Fault, choice_penalty
 from dashred.inference.sensor_faults.fault_search import (
     FaultProblem,
     FaultSet,
@@ -113,15 +113,17 @@ def _predict(problem: FaultProblem, bound: float, dragged: float = 0.0) -> list[
 
 
 def _useful_count(problem: FaultProblem, bound: float, dragged: float) -> int:
-    """Return how many faults may be needed; 0 if no number of them is enough.
+    """Return the largest number of faults that may be needed; 0 if no number of them is enough.
 
     If no faults reach the bound, the fewest that may have dragged the fit are searched. Where a law
     is missing from a chaotic system, any number of faults lowers the misfit, and none explains it.
     """
     most = largest_count(problem.objective)
     costs = costs_without_worst(problem, most)
-    if costs[most] <= bound:
-        return most
+    least = choice_penalty(problem.objective.recorded.shape[1])
+    useful = [count for count in range(1, most + 1) if costs[count] + count * least <= bound]
+    if useful:
+        return useful[-1]
     return next((count for count in range(1, most + 1) if costs[count] <= dragged), 0)
 
 
