@@ -35,6 +35,7 @@ from dashred.inference.sensor_faults.fault_search import (
     FaultSet,
     costs_without_worst,
     find_faults,
+    largest_count,
 )
 from dashred.inference.sensor_faults.fault_table import SEARCHED_KINDS
 from dashred.physics.solvers.simulate import simulate
@@ -265,11 +266,14 @@ def test_faults_that_cost_more_than_the_bound_are_not_searched(oscillator: Oscil
     recorded[:, 1] += WANDER
     null = fitted(oscillator.problem(recorded))
     problem = FaultProblem.at(null.objective, null.phi, null.normal)
-    least = costs_without_worst(problem, 1)[1] + choice_penalty(recorded.shape[1])
-    assert fault_fits._useful_count(problem, least + 1, 0.0) == 1
+    costs = costs_without_worst(problem, largest_count(problem.objective))
+    scores = [cost + k * choice_penalty(recorded.shape[1]) for k, cost in enumerate(costs)]
+    least = min(scores[1:])
+    assert len(costs) > 2 and least > costs[scores.index(least)] + 1
+    assert fault_fits._useful_count(problem, least, 0.0) == scores.index(least)
     assert fault_fits._useful_count(problem, least - 1, 0.0) == 0
     # One fault that may have dragged the fit is searched in any case.
-    assert fault_fits._useful_count(problem, least - 1, least) == 1
+    assert fault_fits._useful_count(problem, least - 1, costs[1]) == 1
 
 
 def test_one_fault_is_tried_where_several_explain_no_more(
