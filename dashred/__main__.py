@@ -33,7 +33,7 @@ EVIDENCE = {
     "bench": Entry("dashred.evaluation.bench", "run many twin experiments and tabulate them"),
     "compare": Entry("dashred.evaluation.compare", "compare dashred with other methods on twins"),
     "prove": Entry("dashred.evaluation.prove", "analyse random cases with hidden truths"),
-    "evaluate": Entry("dashred.evaluation.evaluate", "test on systems from elsewhere, and parts"),
+    "evaluate": Entry("dashred.evaluation.evaluate", "test other solvers' systems, and parts"),
     "publish": Entry("dashred.evaluation.publish", "publish cases without their truths"),
     "record": Entry("dashred.evaluation.twins.record_command", "record a twin with a hidden truth"),
     "score": Entry("dashred.evaluation.twins.score_command", "score findings against the truth"),

@@ -11,6 +11,7 @@ from dashred.config import Config, config_sha256
 from dashred.core.tracking import RunTracker
 from dashred.inference.forward.first_compilation import compile_integrators
 from dashred.inference.hypotheses.result import Discovery
+from dashred.inference.initial_state.serial_analysis import compile_analysis
 from dashred.inference.segments.findings.error_growth import is_chaotic
 from dashred.physics.runs.ensemble import Ensemble
 from dashred.physics.runs.resolution import Resolution
@@ -173,6 +174,7 @@ def _analyse(config: Config) -> Path:
     # The first run of an installation compiles for many seconds. The budget begins after that, so
     # that the first run finds what later ones find.
     compile_integrators(config.system)
+    compile_analysis()
     problem = build_problem(config)
     with problem.scratch.removed_at_the_end():
         return _analyse_problem(problem)

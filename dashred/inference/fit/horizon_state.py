@@ -56,7 +56,7 @@ class HorizonState:
         self.narrow = self.objective.prior_std
 
     @property
-    def explains_first(self) -> bool:
+    def explains_first_samples(self) -> bool:
         """Whether the fit of the first samples leaves no more than noise may."""
         return self.levels[0][1] <= EXPLAINED
 
@@ -76,7 +76,7 @@ class HorizonState:
         deadline, self.objective = self.objective.deadline, replace(self.objective, deadline=NEVER)
         fitted = self._fit(self.objective, self.members, self.samples, STAGE_STEPS)
         self._adopt(fitted, self.samples)
-        if not self.explains_first and self.members:
+        if not self.explains_first_samples and self.members:
             self.widen(self.samples)
         self.objective = replace(self.objective, deadline=deadline)
 

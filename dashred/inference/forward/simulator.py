@@ -204,13 +204,9 @@ def _blocks(samples: Samples, integrated: Tensor) -> Samples:
 
 def _stack(columns: Sequence[Tensor], integrated: Tensor) -> Tensor:
     """Return the columns of some samples in double precision, zero if not integrated."""
-    if bool(integrated.all()):
-        shape = len(columns), *columns[0].shape
-        whole = columns[0].new_empty(shape, dtype=torch.float64)
-        for sample, found in zip(whole, columns, strict=True):
-            sample.copy_(found)
-        return whole
     shape = len(columns), len(integrated), *columns[0].shape[1:]
     whole = columns[0].new_zeros(shape, dtype=torch.float64)
-    whole[:, integrated] = torch.stack(list(columns)).double()
+    chosen = slice(None) if bool(integrated.all()) else integrated
+    for sample, found in zip(whole, columns, strict=True):
+        sample[chosen] = found.double()
     return whole

@@ -25,12 +25,13 @@ def analyse(
     (Whitaker & Hamill, Mon. Weather Rev. 130, 2002, eqs. 2 and 13).
 
     Args:
-        joint: readings and state of each member, ``(member, entry)``; the readings are first.
+        joint: readings of each member, and then what is estimated from them, such as its state,
+            ``(member, entry)``.
         values: readings, ``(sensor,)``; NaN is not assimilated.
         noise: σ of each sensor.
         tapers: localisation ρ, ``(sensor, entry)``.
         limits: a reading whose innovation is larger than this, in standard deviations, is not
-            assimilated, ``(sensor,)``; 0 leaves a sensor out.
+            assimilated, ``(sensor,)``; 0 leaves a sensor out, and infinity is no limit.
 
     Returns:
         ``(sensor,)`` each: the innovations ``y − h̄`` before the analysis, their expected standard
@@ -108,3 +109,8 @@ def inflate(members: Array, factor: float, random: Array) -> None:
         mean, added = mean / count, added / count
         for i in range(count):
             members[i, e] = mean + factor * (members[i, e] - mean) + random[i, e] - added
+
+
+def compile_analysis() -> None:
+    """Compile :func:`analyse`, so that no later stage has to."""
+    analyse(np.zeros((2, 2)), np.zeros(1), np.ones(1), np.ones((1, 2)), np.full(1, np.inf))

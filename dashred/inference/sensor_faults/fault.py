@@ -84,7 +84,7 @@ class Fault:
 
 
 def choice_penalty(sensors: int) -> float:
-    """Return the penalty for the choice of a fault's kind and sensor; its parameters cost more."""
+    """Return the penalty for the choice of a fault's kind and sensor, without its parameters."""
     return 2 * math.log(len(FAULT_KINDS) * sensors)
 
 

@@ -28,7 +28,8 @@ def alarm_text(alarm: Alarm, names: Sequence[str], is_at_begin: bool) -> str:
             "come from another system, or have other units?"
         )
     if alarm.kind == "begun":
-        return f"ALARM {when}: {named or 'the sum of all sensors'} differs from the filter"
+        verb = "differ" if len(alarm.sensors) > 1 else "differs"
+        return f"ALARM {when}: {named or 'the sum of all sensors'} {verb} from the filter"
     if alarm.kind == "sensor":
         return (
             f"ALARM {when}: {named} differs from what the other sensors say: this sensor alone "

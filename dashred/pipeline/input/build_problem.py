@@ -161,7 +161,7 @@ def _snapshots(system: System, read: Episodes) -> Snapshots | None:
 def _check_steps(config: Config, span: float, dt: float) -> None:
     if span > MAX_STEPS * dt:
         what = f"the recording spans {span:g}, which takes too many steps of {dt:g}"
-        hint = f"the limit is {MAX_STEPS} steps; do recording and step have one unit of time?"
+        hint = f"the limit is {MAX_STEPS} steps; are both in the same unit of time?"
         raise InputError(what, where=config.where("system.integrator.dt"), hint=hint)
 
 

@@ -23,9 +23,9 @@ CAUSES = {
     "missing-term": "a missing term",
     "nothing-missing": "nothing missing",
     "parameter": "a wrong parameter",
-    "initial-condition": "a start outside of its prior",
+    "initial-condition": "a start outside its prior",
     "sensor-fault": "a faulty sensor",
-    "outside-library": "an effect outside of the library",
+    "outside-library": "an effect outside the library",
 }
 # A smaller correlation of the residuals is not reported.
 MIN_CORRELATION = 0.1

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dashred.core.findings.cause_schema import Cause
-from dashred.core.formatting import number, percent
+from dashred.core.formatting import number, percent, plural
 from dashred.core.units import NO_UNITS
 from dashred.reporting.text.sensor_faults import fault_text
 
@@ -21,7 +21,7 @@ NOISE_RATIO = 1.2
 LIMITS_OF_SNAPSHOTS = (
     "The simulator is known by its snapshots alone, so no law could be fitted to the sensors "
     "through it. The terms that latent SINDy proposes are untested, and have no intervals",
-    "A missing term, a wrong parameter, a start outside of its prior and a faulty sensor cannot be "
+    "A missing term, a wrong parameter, a start outside its prior and a faulty sensor cannot be "
     "distinguished",
     "The resolution of the simulation could not be checked. Its numerical error may be part of "
     "what is seen",
@@ -173,8 +173,8 @@ def _unresolved(cause: Cause) -> str:
 def _mismatch(cause: Cause) -> str:
     text = (
         "At the sensors of the recording, the error of SHRED, trained on the snapshots alone, is "
-        f"{_missed(cause['states'])}. The error of the change over {cause['changes']['samples']} "
-        f"samples is {_missed(cause['changes'])}"
+        f"{_missed(cause['states'])}. The error of the learned steps in the change over "
+        f"{plural(cause['changes']['samples'], 'sample')} is {_missed(cause['changes'])}"
     )
     if cause["kind"] == "no-mismatch-seen":
         text += (
@@ -186,9 +186,10 @@ def _mismatch(cause: Cause) -> str:
 
 def _missed(errors: Mapping[str, Any]) -> str:
     usual = errors["usual"]
+    stretches = "stretch" if len(usual) == 1 else "stretches"
     return (
         f"{errors['error']:.3g} standard deviations, compared with {min(usual):.3g} to "
-        f"{max(usual):.3g} in {len(usual)} unseen stretches of the snapshots"
+        f"{max(usual):.3g} in {len(usual)} unseen {stretches} of the snapshots"
     )
 
 

@@ -149,11 +149,15 @@ def _conclusion(findings: Mapping[str, Any], mostly: Sequence[str]) -> str:
             best = f"; the best guess is {_listed(effects + changed, mostly)}" if terms else ""
             return f"several explanations fit this recording about equally well{best}"
         case "parameter":
-            return f"the simulation has a wrong parameter: {_listed(changed)}"
+            return f"the simulation has {_wrong(changed)}: {_listed(changed)}"
         case "missing-term":
-            also = f", and it has a wrong parameter: {_listed(changed)}" if changed else ""
+            also = f", and it has {_wrong(changed)}: {_listed(changed)}" if changed else ""
             return f"the simulation leaves out {missing}{also}"
     return "there is no verdict"
+
+
+def _wrong(changed: Sequence[str]) -> str:
+    return "a wrong parameter" if len(set(changed)) == 1 else "wrong parameters"
 
 
 def _faults(findings: Mapping[str, Any]) -> str | None:
@@ -172,10 +176,18 @@ def _faults(findings: Mapping[str, Any]) -> str | None:
 def _listed(parts: Sequence[str], mostly: Sequence[str] = ()) -> str:
     """Return the effects in a row, each once: terms that differ may have the same effect."""
     if len(parts) <= FEW:
-        return joined(list(dict.fromkeys(parts))) if parts else ""
+        return _in_a_row(parts)
     if not mostly:
         return f"{len(parts)} effects at once"
-    return f"mostly {joined(list(dict.fromkeys(mostly)))} ({len(parts)} terms in all)"
+    return f"mostly {_in_a_row(mostly)} ({len(parts)} terms in all)"
+
+
+def _in_a_row(parts: Sequence[str]) -> str:
+    """Return different parts as a list; one that contains a comma needs an ``and`` between all."""
+    different = list(dict.fromkeys(parts))
+    if any("," in part for part in different) or not different:
+        return " and ".join(different)
+    return joined(different)
 
 
 def _improvement(findings: Mapping[str, Any]) -> str | None:

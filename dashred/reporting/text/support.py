@@ -88,10 +88,11 @@ def _too_few(findings: Mapping[str, Any]) -> str:
     fitted = plural(len(terms), "coefficient")
     if fit["start_values"]:
         fitted = f"{fitted} and {plural(fit['start_values'], 'start value')}"
+    verb = "was" if fitted.startswith("1 ") and not fit["start_values"] else "were"
     return (
-        f"{fitted} were fitted to {fit['readings']} readings. Other laws with the same number of "
-        "terms also fit so few readings. Record more readings, or restrict the key library to the "
-        "terms that are possible."
+        f"{fitted} {verb} fitted to {fit['readings']} readings. Other laws with the same number of "
+        "terms also fit so few readings. Record more readings, or restrict library to the terms "
+        "that are possible."
     )
 
 
@@ -108,8 +109,8 @@ def _contradicted_faults(fit: Mapping[str, Any]) -> str:
     told = f" Errors in standard deviations of the fit's residuals: {each}." if each else ""
     return (
         "If only these sensors were faulty, the simulation would agree with the sensors that no "
-        "fit has used, except for faulty ones that are not next to these. "
-        f"{likely}{told}"
+        "fit has used, unless one of them is faulty too and not next to a faulty sensor of the "
+        f"fit. {likely}{told}"
     )
 
 

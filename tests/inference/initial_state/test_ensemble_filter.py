@@ -22,6 +22,7 @@ from dashred.inference.initial_state.ensemble_filter import (
     FilterSettings,
     ensemble_filter,
 )
+from dashred.inference.initial_state.serial_analysis import analyse, compile_analysis
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.simulate import simulate
 from dashred.physics.system import System, Term
@@ -52,6 +53,13 @@ def test_filter_and_smoother_are_exact_on_a_linear_system(system: System) -> Non
     case = Case(system, forced=False)
     found, exact = case.filtered(FilterSettings()), case.kalman()
     case.check(found, exact)
+
+
+def test_the_filter_compiles_nothing_after_the_first_compilation(system: System) -> None:
+    compile_analysis()
+    before = len(analyse.nopython_signatures)
+    Case(system, forced=True).filtered(FilterSettings())
+    assert len(analyse.nopython_signatures) == before
 
 
 def test_coefficients_of_a_forcing_are_the_joint_kalman_estimate(system: System) -> None:

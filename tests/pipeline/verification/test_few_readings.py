@@ -34,6 +34,8 @@ def test_the_report_says_that_the_readings_are_too_few() -> None:
     assert "too few to prove it" in meaning(findings)
     [why] = contradictions(findings)
     assert "4 coefficients and 2 start values were fitted to 22 readings" in why
+    one = findings | {"terms": [{}], "fit": fit | {"start_values": 0}}
+    assert contradictions(one)[0].startswith("1 coefficient was fitted to 22 readings. ")
     worse = {"comparisons": [{"worse": True}], "unconfirmed": "worse"}
     contradicted = findings | {"fit": fit | worse}
     assert not is_scant(contradicted)

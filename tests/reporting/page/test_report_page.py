@@ -343,6 +343,17 @@ def test_the_equations_show_what_is_put_into_them() -> None:
             "The simulation has a wrong parameter: nu is 0.0500, not 0.035. With",
         ),
         (
+            {
+                "verdict": "parameter",
+                "terms": [CHANGE | {"parameter": name} for name in ("nu", "k")],
+            },
+            "The simulation has wrong parameters: nu is 0.0500, not 0.035 and k is 0.0500, not ",
+        ),
+        (
+            {"terms": [TERM | {"term": t, "effect": f"effect {t}"} for t in "rst"]},
+            "The simulation leaves out effect r, effect s and effect t. With",
+        ),
+        (
             {"verdict": "ambiguous", "terms": [TERM]},
             "Several explanations fit this recording about equally well; the best guess is cubic",
         ),
@@ -374,9 +385,7 @@ def test_causes_are_told_with_their_probabilities(tmp_path: Path) -> None:
     causes = [{"kind": kind, "probability": p} for kind, p in weighed]
     write_html(tmp_path / "report.html", found(causes=causes), {}, "")
     page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
-    told = (
-        "an effect outside of the library 93 %, a missing term 90 %, others less than 1 %, none of "
-    )
+    told = "an effect outside the library 93 %, a missing term 90 %, others less than 1 %, none of "
     assert any(told in line for line in page.words)
 
 

@@ -120,8 +120,8 @@ def _useful_count(problem: FaultProblem, bound: float, dragged: float) -> int:
     """
     most = largest_count(problem.objective)
     costs = costs_without_worst(problem, most)
-    least = choice_penalty(problem.objective.recorded.shape[1])
-    useful = [count for count in range(1, most + 1) if costs[count] + count * least <= bound]
+    choice = choice_penalty(problem.objective.recorded.shape[1])
+    useful = [count for count in range(1, most + 1) if costs[count] + count * choice <= bound]
     if useful:
         return useful[-1]
     return next((count for count in range(1, most + 1) if costs[count] <= dragged), 0)

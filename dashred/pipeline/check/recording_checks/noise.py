@@ -70,7 +70,7 @@ def noise_remarks(recording: Recording, estimated: NDArray[np.float64]) -> Itera
     noisy = [n for n, share in zip(names, shares, strict=True) if share > NOISY]
     if noisy:
         text = f"More than half of the variation is from sample to sample: {shortened(noisy)}"
-        hint = "this is correct if these sensors are quiet or what drives them changes as fast"
+        hint = "this is correct if these sensors are quiet or what drives them changes that fast"
         yield warning(text, f"{hint}; otherwise sample faster")
     for sensor, sigma in zip(recording.sensors, estimated, strict=True):
         if sensor.std is None or sensor.name in fast:
@@ -80,7 +80,7 @@ def noise_remarks(recording: Recording, estimated: NDArray[np.float64]) -> Itera
                 f"{sensor.name}: the stated std is {sensor.std:.3g}, but the readings change by "
                 f"{sigma:.3g} from sample to sample"
             )
-            hint = "this is correct if the measured quantity changes as fast"
+            hint = "this is correct if the measured quantity changes that fast"
             yield warning(text, f"{hint}; otherwise correct the std")
 
 

@@ -75,7 +75,7 @@ def unmoved_remarks(
     still = [name for name in names if std[name] == 0]
     noise = [name for name in names if std[name] > 0]
     late = [name for name in rests if name not in names]
-    hint = f"this is correct if nothing, such as a wave, has reached them yet: {MOVED}"
+    hint = f"this is correct if nothing (no wave, for example) has reached them yet: {MOVED}"
     if still:
         yield Remark(f"Constant throughout: {shortened(still)}", hint=hint)
     if noise:

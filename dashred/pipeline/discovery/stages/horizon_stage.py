@@ -77,15 +77,15 @@ def explaining_guesses_first(
 ) -> Iterator[tuple[FittedGuess, HorizonState]]:
     """Yield guesses and their fits of the first samples; those that explain them come first.
 
-    A guess is fitted when it is needed, and left out if that is after the deadline. The order is
-    otherwise that of the argument.
+    The order is otherwise that of the argument. A guess is fitted when it is needed. After the
+    deadline no further one is fitted while another one is left.
     """
     others: list[tuple[FittedGuess, HorizonState]] = []
     for guess in guesses:
         if others and deadline.is_over:
             break
         first = fit_first(guess)
-        if first.explains_first:
+        if first.explains_first_samples:
             yield guess, first
         else:
             others.append((guess, first))

@@ -88,5 +88,5 @@ def test_the_check_of_a_short_record_of_a_wave_has_nothing_to_complain_of(
     (tmp_path / "pulse.yaml").write_text(PULSE)
     assert command.main([f"conf={tmp_path / 'pulse.yaml'}"]) == 0
     said = re.sub(r"\s+", " ", capsys.readouterr().out)
-    assert "this is correct if nothing, such as a wave, has reached them yet" in said
+    assert "this is correct if nothing (no wave, for example) has reached them yet" in said
     assert "No errors and no warnings." in said

@@ -42,7 +42,7 @@ def swing(tmp_path_factory: pytest.TempPathFactory) -> Swing:
 
 
 class Guesses:
-    """First guesses of the start of a swing; counts the fits."""
+    """First guesses of the start of a swing, and the names of those that were fitted."""
 
     def __init__(self, swing: Swing) -> None:
         """Record a swing with a force that is among the candidates."""
@@ -92,7 +92,7 @@ def test_no_further_guess_is_fitted_once_one_explains_the_first_samples(
     made, confined, free = guesses
     made.fitted.clear()
     guess, first = next(explaining_guesses_first([free, confined], made.fit_first, NEVER))
-    assert guess.name == "free" and first.explains_first
+    assert guess.name == "free" and first.explains_first_samples
     assert made.fitted == ["free"]
 
 
@@ -104,7 +104,7 @@ def test_the_order_stays_if_no_guess_explains_the_first_samples(
     for order in ([confined, other], [other, confined]):
         found = [*explaining_guesses_first(order, made.fit_first, NEVER)]
         assert [guess for guess, _ in found] == order
-        assert not any(first.explains_first for _, first in found)
+        assert not any(first.explains_first_samples for _, first in found)
 
 
 def test_at_the_deadline_one_guess_is_left(
