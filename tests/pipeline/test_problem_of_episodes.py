@@ -191,4 +191,4 @@ def test_a_start_that_reads_an_input_is_the_same_in_all_episodes(tmp_path, secon
         return
     with pytest.raises(InputError, match="the start of A reads an input that differs") as told:
         build_problem(config)
-    assert "fitted in every episode" in str(told.value)
+    assert "fitted separately in each episode" in str(told.value)
