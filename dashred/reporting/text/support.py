@@ -88,7 +88,7 @@ def _too_few(findings: Mapping[str, Any]) -> str:
     fitted = plural(len(terms), "coefficient")
     if fit["start_values"]:
         fitted = f"{fitted} and {plural(fit['start_values'], 'start value')}"
-    verb = "was" if fitted.startswith("1 ") and not fit["start_values"] else "were"
+    verb = "was" if len(terms) == 1 and not fit["start_values"] else "were"
     return (
         f"{fitted} {verb} fitted to {fit['readings']} readings. Other laws with the same number of "
         "terms also fit so few readings. Record more readings, or restrict library to the terms "

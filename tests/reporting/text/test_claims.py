@@ -375,6 +375,7 @@ def test_what_the_best_law_leaves_is_told_and_not_what_no_law_can_do(cause: Any,
     assert cause_text(whole) == told
     text = text_of(found(verdict="outside-library", causes=[whole]))
     assert "no law with a few terms from the library explains the recording" in text
+    assert "cannot express" not in text
 
 
 def test_few_held_out_samples_are_called_little_evidence() -> None:
