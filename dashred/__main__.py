@@ -6,7 +6,8 @@ import sys
 from importlib import import_module
 from typing import NamedTuple
 
-from dashred.core.errors import DONE, WRONG_INPUT, InputError, nearest, run_entry
+from dashred.core.command_line.entry import run_entry
+from dashred.core.errors import DONE, WRONG_INPUT, InputError, nearest
 
 
 class Entry(NamedTuple):

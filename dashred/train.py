@@ -13,7 +13,8 @@ import sys
 
 from dashred.config import load_config
 from dashred.config.checks.placeholders import refuse_unfinished_lines
-from dashred.core.errors import DONE, run_entry
+from dashred.core.command_line.entry import run_entry
+from dashred.core.errors import DONE
 from dashred.core.mlflow.store_check import check_store
 
 

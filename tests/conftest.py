@@ -196,7 +196,7 @@ class Told(io.StringIO):
 def _entry(monkeypatch: pytest.MonkeyPatch, module: str, words: list[str]) -> int:
     from importlib import import_module
 
-    from dashred.core.errors import run_entry
+    from dashred.core.command_line.entry import run_entry
 
     with monkeypatch.context() as patch:
         patch.setattr(sys, "argv", [module, *words])

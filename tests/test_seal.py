@@ -195,7 +195,7 @@ def run_without_the_truth(folder: Path, *words: str) -> subprocess.CompletedProc
         "import importlib.util as u, dashred; from pathlib import Path\n"
         f"assert Path(dashred.__file__).is_relative_to({str(copy)!r})\n"
         f"assert u.find_spec({EVALUATION!r}) is None\n"
-        "from dashred.core.errors import run_entry; from dashred.train import main\n"
+        "from dashred.core.command_line.entry import run_entry; from dashred.train import main\n"
         "sys.exit(run_entry(main))"
     )
     # The working folder stands first on the path.

@@ -1,13 +1,9 @@
-"""The error for invalid user input, and the exit codes of entry points."""
+"""The error for invalid user input, and the exit codes of commands."""
 
 from __future__ import annotations
 
 import difflib
-import os
-import sys
-from collections.abc import Callable, Iterable
-
-from dashred.core.system_errors import describe_system_error
+from collections.abc import Iterable
 
 DONE, OUR_FAILURE, WRONG_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -48,33 +44,3 @@ def nearest(name: str, known: Iterable[str]) -> str:
     choices = list(dict.fromkeys(known))
     close = difflib.get_close_matches(name, choices, n=1)
     return f"did you mean {close[0]}?" if close else f"one of: {', '.join(choices) or 'none'}"
-
-
-def run_entry(main: Callable[[list[str]], int]) -> int:
-    """Run ``main`` on the command-line arguments and return the exit code of the process.
-
-    An :class:`InputError` is printed to stderr without a traceback and gives 2. A system error,
-    such as a full disk, is printed likewise and gives 1. Ctrl-C gives 130. If the reader of stdout
-    has closed it, as ``head`` does, nothing is printed and the code is 1. Any other exception is a
-    bug and propagates: Python prints the traceback and exits with 1.
-    """
-    try:
-        try:
-            return main(sys.argv[1:])
-        finally:
-            sys.stdout.flush()
-    except BrokenPipeError:
-        # Python flushes the buffer again at exit: send the rest to the null device.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return OUR_FAILURE
-    except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return WRONG_INPUT
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        return INTERRUPTED
-    except Exception as error:
-        if (said := describe_system_error(error)) is None:
-            raise
-        print(f"error: {said}", file=sys.stderr)
-        return OUR_FAILURE

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from dashred.config import Config, load_config
 from dashred.config.checks.placeholders import refuse_unfinished_lines
+from dashred.core.command_line.entry import fast_imports
 from dashred.core.errors import DONE, InputError
 from dashred.core.mlflow.store_check import check_store
 
@@ -33,9 +34,10 @@ def analyse(config: Config) -> Path:
         )
     # Imported here because torch takes seconds to import, and input errors should appear at once.
     if config.system.snapshots is not None:
-        from dashred.pipeline.snapshots.black_box import analyse_snapshots
-
+        with fast_imports():
+            from dashred.pipeline.snapshots.black_box import analyse_snapshots
         return analyse_snapshots(config)
-    from dashred.pipeline.equations import analyse_equations
+    with fast_imports():
+        from dashred.pipeline.equations import analyse_equations
 
     return analyse_equations(config)

@@ -19,7 +19,8 @@ from queue import SimpleQueue
 from threading import Thread
 from typing import NoReturn
 
-from dashred.core.errors import DONE, OUR_FAILURE, WRONG_INPUT, InputError, run_entry
+from dashred.core.command_line.entry import run_entry
+from dashred.core.errors import DONE, OUR_FAILURE, WRONG_INPUT, InputError
 
 
 def main(argv: list[str]) -> NoReturn:

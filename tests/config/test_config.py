@@ -529,7 +529,7 @@ def test_a_wrong_input_is_answered_without_torch() -> None:
     program = """
 import sys
 from dashred.config import load_config
-from dashred.core.errors import run_entry
+from dashred.core.command_line.entry import run_entry
 code = run_entry(lambda words: load_config(["conf=rde", "system.integrator.dt=2*x"], entry="train"))
 print(code, sorted({"torch", "lightning", "mlflow", "numpy"} & set(sys.modules)))
 """

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from dashred.core.errors import InputError, run_entry
+from dashred.core.command_line.entry import run_entry
+from dashred.core.errors import InputError
 from dashred.core.files.atomic import atomic_file, copy_atomic, write_text_atomic
 from dashred.core.mlflow.store import open_store
 from dashred.core.system_errors import describe_system_error

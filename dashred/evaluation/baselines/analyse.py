@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dashred.config import Config, load_config
-from dashred.core.errors import DONE, InputError, run_entry
+from dashred.core.command_line.entry import run_entry
+from dashred.core.errors import DONE, InputError
 from dashred.core.system_errors import describe_system_error
 
 if TYPE_CHECKING:

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from dashred.config import Config, load_config
-from dashred.core.errors import DONE, run_entry
+from dashred.core.command_line.entry import run_entry
+from dashred.core.errors import DONE
 
 if TYPE_CHECKING:
     from torch import Tensor

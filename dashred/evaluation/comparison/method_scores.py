@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 from dashred.core.command_line.argument_types import integer_reader, read_number, read_path
 from dashred.core.command_line.arguments import Command, argument
-from dashred.core.errors import DONE, InputError, run_entry
+from dashred.core.command_line.entry import run_entry
+from dashred.core.errors import DONE, InputError
 from dashred.core.findings.findings import check_freeze, sha256_of, write_json_atomic
 from dashred.evaluation.baselines.analyse import FIELDS, LAW_METHODS, LAWS, METHODS, NOT_FOR_SYSTEM
 from dashred.evaluation.comparison.comparison_file import (

@@ -15,7 +15,8 @@ from pathlib import Path
 
 from dashred.core.command_line.argument_types import read_number, read_path
 from dashred.core.command_line.arguments import Command, argument, declared_arguments
-from dashred.core.errors import DONE, run_entry
+from dashred.core.command_line.entry import run_entry
+from dashred.core.errors import DONE
 from dashred.evaluation.baselines.analyse import FIELDS, LAWS
 from dashred.evaluation.comparison.method_scores import ESTIMATES
 from dashred.evaluation.twins.twin_experiment import analysis_arguments

@@ -13,7 +13,8 @@ from typing import Any
 
 from dashred.core.command_line.argument_types import read_path
 from dashred.core.command_line.arguments import Command, argument
-from dashred.core.errors import DONE, run_entry
+from dashred.core.command_line.entry import run_entry
+from dashred.core.errors import DONE
 from dashred.core.files.atomic import write_text_atomic
 from dashred.core.templates import render
 

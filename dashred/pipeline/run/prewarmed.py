@@ -14,7 +14,8 @@ import time
 from importlib import import_module
 from threading import Thread
 
-from dashred.core.errors import DONE, OUR_FAILURE, run_entry
+from dashred.core.command_line.entry import fast_imports, run_entry
+from dashred.core.errors import DONE, OUR_FAILURE
 
 WATCH_SECONDS = 0.5
 
@@ -26,9 +27,10 @@ def main(argv: list[str]) -> int:
     """
     Thread(target=_exit_with_parent, args=(os.getppid(),), daemon=True).start()
     entry, *others = argv
-    for module in others:
-        import_module(module)
-    entry_module = import_module(entry)
+    with fast_imports():
+        for module in others:
+            import_module(module)
+        entry_module = import_module(entry)
     line = sys.stdin.readline()
     return int(entry_module.main(json.loads(line))) if line else DONE
 

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from dashred.core.errors import InputError, run_entry
+from dashred.core.command_line.entry import run_entry
+from dashred.core.errors import InputError
 from dashred.core.files.damaged_files import reading_errors
 from dashred.data.io.read_netcdf import read_netcdf
 from dashred.physics.black_box.snapshot_file import open_snapshots

@@ -39,7 +39,7 @@ ARTIFACTS = f"s3://{BUCKET}/dashred"
 HASTY = """
 import sys
 from dashred.core.mlflow import store_requests
-from dashred.core.errors import run_entry
+from dashred.core.command_line.entry import run_entry
 store_requests.PATIENCE = 3.0
 from dashred.train import main
 sys.exit(run_entry(main))

@@ -14,7 +14,8 @@ from typing import Any
 
 import pytest
 
-from dashred.core.errors import InputError, run_entry
+from dashred.core.command_line.entry import run_entry
+from dashred.core.errors import InputError
 from dashred.core.mlflow.metric_names import metric_name
 from dashred.core.mlflow.run import flatten
 from dashred.core.mlflow.tracker import Tracker

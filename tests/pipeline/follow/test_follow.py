@@ -16,7 +16,8 @@ import pytest
 import torch
 import xarray as xr
 
-from dashred.core.errors import InputError, run_entry
+from dashred.core.command_line.entry import run_entry
+from dashred.core.errors import InputError
 from dashred.data.io.reader import read_episodes
 from dashred.models.lag_windows import windows
 from dashred.models.shred import reconstruct

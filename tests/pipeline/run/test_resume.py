@@ -169,7 +169,7 @@ def test_nothing_of_a_twin_lies_where_the_analysis_or_the_store_shows_it(
 def test_invalid_resume_arguments_are_refused(
     twin_run, capsys, monkeypatch, words, message
 ) -> None:
-    from dashred.core.errors import run_entry
+    from dashred.core.command_line.entry import run_entry
     from dashred.train import main
 
     monkeypatch.setattr("sys.argv", ["train", *words, f"tracking.root={twin_run.root}"])
@@ -179,7 +179,7 @@ def test_invalid_resume_arguments_are_refused(
 
 
 def test_a_folder_without_a_store_is_refused_and_left_alone(tmp_path, capsys, monkeypatch) -> None:
-    from dashred.core.errors import run_entry
+    from dashred.core.command_line.entry import run_entry
     from dashred.train import main
 
     monkeypatch.setattr("sys.argv", ["train", "resume=0123", f"tracking.root={tmp_path / 'no'}"])

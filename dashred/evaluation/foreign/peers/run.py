@@ -9,7 +9,8 @@ import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from dashred.core.errors import DONE, OUR_FAILURE, InputError, run_entry
+from dashred.core.command_line.entry import run_entry
+from dashred.core.errors import DONE, OUR_FAILURE, InputError
 from dashred.core.findings.findings import write_json_atomic
 from dashred.evaluation.baselines.estimate import TermEntry
 from dashred.evaluation.foreign.peers.measured import NoAnswerError
