@@ -23,8 +23,9 @@ from dashred.physics.solvers.compiled.step import (
     integrate_row,
     integrate_rows,
 )
+from dashred.physics.solvers.compiled.step_factors import real_if_possible, step_factors
 from dashred.physics.solvers.compiled.tendency import Modes
-from dashred.physics.solvers.etdrk4 import CACHE_SIZE, coefficients
+from dashred.physics.solvers.etdrk4 import CACHE_SIZE
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.solvers.schedule import schedule
 from dashred.physics.system import System, Term
@@ -84,9 +85,7 @@ class CompiledETDRK4:
         """
         batch = self.tendency.batch(weights.numpy(), sampled_forcing)
         steps = StepArrays.of(list(schedule(times.tolist(), self.system.dt, self.system.jumps)))
-        factors, arrays = self._factors(batch.linear, steps.lengths.tolist()), batch.of_rows(rows)
-        if factors.shape[2] > 1:
-            factors = np.ascontiguousarray(factors[:, :, rows])
+        factors, arrays = self._factors(batch.linear, rows, steps), batch.of_rows(rows)
         fields, shape = start.shape[1], self.system.grid.shape
         states = np.full((len(start), len(times), fields, math.prod(shape)), np.nan)
         states[:, 0] = start.numpy().reshape(len(start), fields, -1)
@@ -100,7 +99,7 @@ class CompiledETDRK4:
                 row,
                 arrays,
                 steps,
-                factors,
+                factors(row),
                 shape,
                 axes,
                 batch.counts,
@@ -122,7 +121,7 @@ class CompiledETDRK4:
         """
         batch = self.tendency.batch(weights.numpy())
         steps = StepArrays.of(list(schedule([0.0, span], self.system.dt)))
-        factors = self._factors(batch.linear, steps.lengths.tolist())
+        factors = step_factors(real_if_possible(batch.linear), steps.lengths)
         rows, fields, shape = len(weights), batch.linear.shape[1], self.system.grid.shape
         points, axes = math.prod(shape), tuple(range(1, len(shape) + 1))
         made = STAGES * len(steps.h) * batch.transforms(ALL) + steps.turns * rows * fields
@@ -147,16 +146,23 @@ class CompiledETDRK4:
 
         return run
 
-    def _factors(self, linear: Modes, lengths: Sequence[float]) -> Modes:
-        """Return :func:`etdrk4_factors`, known for a linear part that all trajectories share."""
+    def _factors(self, linear: Modes, rows: slice, steps: StepArrays) -> Callable[[int], Modes]:
+        """Return the coefficients of the steps as a function of the row among the wanted ones.
+
+        Those of a linear part that all trajectories share are remembered. Those of a single one
+        are computed when it is integrated, because the memory of all of them would take longer to
+        fill than they take to compute.
+        """
         if len(linear) > 1:
-            return etdrk4_factors(linear, lengths)
-        key = linear.tobytes(), tuple(lengths)
+            own = real_if_possible(linear)[rows]
+            return lambda row: step_factors(own[row : row + 1], steps.lengths)
+        key = linear.tobytes(), tuple(steps.lengths.tolist())
         if key not in self._known:
             if len(self._known) == CACHE_SIZE:
                 del self._known[next(iter(self._known))]
-            self._known[key] = etdrk4_factors(linear, lengths)
-        return self._known[key]
+            self._known[key] = step_factors(real_if_possible(linear), steps.lengths)
+        shared = self._known[key]
+        return lambda row: shared
 
 
 def integrate_etdrk4(
@@ -175,15 +181,3 @@ def integrate_etdrk4(
         forcing = Forcing((), torch.zeros((len(start), 0), dtype=torch.float64))
     compiled = CompiledETDRK4(system, forcing.terms)
     return compiled(start, times, forcing.coefficients, progress=progress)
-
-
-def etdrk4_factors(linear: Modes, lengths: Sequence[float]) -> Modes:
-    """Return the ETDRK4 coefficients, ``(length, 6, row, field, mode)``.
-
-    Args:
-        linear: L, ``(row, field, *modes)``.
-        lengths: lengths of the steps.
-    """
-    rates = torch.from_numpy(linear)
-    result = [torch.stack(list(coefficients(rates, h))) for h in lengths]
-    return torch.stack(result).flatten(4).contiguous().numpy()
