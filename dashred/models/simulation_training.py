@@ -72,7 +72,10 @@ class SimulationTraining(LightningModule):
 
     def configure_optimizers(self) -> OptimizerLRScheduler:
         """Return AdamW under a one-cycle schedule."""
-        optimizer = torch.optim.AdamW(self.shred.parameters(), lr=self.rate, weight_decay=1e-4)
+        # Fused: all weights in one call. One by one, they take a fifth of the time of a small network.
+        optimizer = torch.optim.AdamW(
+            self.shred.parameters(), lr=self.rate, weight_decay=1e-4, fused=True
+        )
         schedule = torch.optim.lr_scheduler.OneCycleLR(
             optimizer, max_lr=self.rate, total_steps=self.steps, pct_start=0.15
         )
