@@ -64,10 +64,19 @@ def test_the_end_of_a_command_does_not_search_for_unused_objects() -> None:
     assert int(ended.stdout) < 100
 
 
-def test_imports_do_not_search_for_unused_objects() -> None:
-    with fast_imports():
-        assert not gc.isenabled()
-    assert gc.isenabled()
+def test_objects_of_imports_are_left_out_of_the_search() -> None:
+    program = (
+        "import gc; from dashred.core.command_line.entry import fast_imports\n"
+        "with fast_imports():\n"
+        "    pass\n"
+        "without = gc.get_freeze_count()\n"
+        "with fast_imports():\n"
+        "    import decimal\n"
+        "    is_off = not gc.isenabled()\n"
+        "print(without, is_off, gc.get_freeze_count() > 0, gc.isenabled())"
+    )
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert ended.stdout.split() == ["0", "True", "True", "True"]
 
 
 def test_a_collector_that_was_off_stays_off() -> None:
