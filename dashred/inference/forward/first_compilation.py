@@ -14,6 +14,7 @@ import torch
 from dashred.inference.forward.candidate_simulator import CandidateSimulator
 from dashred.physics import system_schema as schema
 from dashred.physics.boundaries.entries import one_sided_axis
+from dashred.physics.solvers.compiled.step_factors import compile_step_factors
 from dashred.physics.solvers.forcing import Forcing
 from dashred.physics.system import System, Term
 
@@ -43,6 +44,8 @@ def compile_integrators(config: schema.System) -> None:
         columns = simulator.tangents(start[0], start, times, nothing, [source], None, None, weights)
         for _ in columns:
             pass
+    if small.spectral:
+        compile_step_factors()
 
 
 def _small(config: schema.System) -> schema.System:

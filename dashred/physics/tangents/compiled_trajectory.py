@@ -15,7 +15,7 @@ from dashred.physics.backends.numpy_backend import Array
 from dashred.physics.forcing_basis import SampledForcing
 from dashred.physics.solvers.compiled.etdrk4 import ALL, CompiledETDRK4
 from dashred.physics.solvers.compiled.step import STAGES, StepArrays, integrate_stages
-from dashred.physics.solvers.compiled.step_factors import real_if_possible, step_factors
+from dashred.physics.solvers.compiled.step_factors import step_factors
 from dashred.physics.solvers.schedule import Step
 from dashred.physics.tangents.reference_trajectory import Stages, stage_times
 from dashred.physics.tangents.semilinear_rhs import Modes
@@ -35,8 +35,7 @@ class CompiledTrajectory:
     ) -> None:
         self._shape, self._kernel = compiled.system.grid.shape, compiled.tendency.kernel
         self._batch = compiled.tendency.batch(weights.numpy(), sampled_forcing)
-        linear = real_if_possible(self._batch.linear)
-        self._factors = cache(lambda h: step_factors(linear, [h]))
+        self._factors = cache(lambda h: step_factors(self._batch.linear, [h]))
 
     def advance(self, steps: Sequence[Step], modes: Modes) -> tuple[Modes, list[Array], Stages]:
         """See :meth:`.reference_trajectory.ReferenceTrajectory.advance`."""

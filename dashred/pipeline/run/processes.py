@@ -52,7 +52,7 @@ def wait_for(process: subprocess.Popen[str]) -> None:
     """Wait for a process to end.
 
     Raises:
-        EndedError: the exit code is not 0.
+        ProcessFailedError: the exit code is not 0.
     """
     if (code := process.wait()) != DONE:
         raise ProcessFailedError(code)

@@ -1,4 +1,4 @@
-"""Exit codes of commands, their output, and the time of their imports and their end."""
+"""Exit codes and output of commands, and garbage collection at imports and at exit."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_objects_of_imports_are_left_out_of_the_search() -> None:
         "    pass\n"
         "without = gc.get_freeze_count()\n"
         "with fast_imports():\n"
-        "    import decimal\n"
+        "    import wave\n"
         "    is_off = not gc.isenabled()\n"
         "print(without, is_off, gc.get_freeze_count() > 0, gc.isenabled())"
     )

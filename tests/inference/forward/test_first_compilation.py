@@ -15,6 +15,7 @@ from dashred.physics.cells import compiled_step as cells
 from dashred.physics.grids import full_spectrum
 from dashred.physics.solvers.compiled import runge_kutta as ode
 from dashred.physics.solvers.compiled import step as spectral
+from dashred.physics.solvers.compiled import step_factors
 from dashred.physics.system import System
 from dashred.physics.tangents import ode_columns
 from dashred.physics.tangents.spectral_columns import kernels
@@ -29,10 +30,12 @@ COMPILED = (
     cells.integrate_stages,
     kernels.advance_groups,
     full_spectrum._complete,
+    step_factors._fill,
 )
 KINDS = {
     "ode": ("", "x: v, v: -k*sin(x)", "x: 1, v: 0"),
     "line": ("x: {length: 2, points: 16}", "u: k*lap(u) - u*d(u, x), w: u", "u: sin(pi*x), w: 1"),
+    "transport": ("x: {length: 2, points: 16}", "u: k*lap(u) - d(u, x)", "u: sin(pi*x)"),
     "plane": (
         "x: {length: 2, points: 8}, y: {length: 2, points: 8}",
         "u: k*lap(u) - u**2",

@@ -23,7 +23,7 @@ from dashred.physics.solvers.compiled.step import (
     integrate_row,
     integrate_rows,
 )
-from dashred.physics.solvers.compiled.step_factors import real_if_possible, step_factors
+from dashred.physics.solvers.compiled.step_factors import step_factors
 from dashred.physics.solvers.compiled.tendency import Modes
 from dashred.physics.solvers.etdrk4 import CACHE_SIZE
 from dashred.physics.solvers.forcing import Forcing
@@ -85,7 +85,7 @@ class CompiledETDRK4:
         """
         batch = self.tendency.batch(weights.numpy(), sampled_forcing)
         steps = StepArrays.of(list(schedule(times.tolist(), self.system.dt, self.system.jumps)))
-        factors, arrays = self._factors(batch.linear, rows, steps), batch.of_rows(rows)
+        factors_of, arrays = self._factors(batch.linear, rows, steps), batch.of_rows(rows)
         fields, shape = start.shape[1], self.system.grid.shape
         states = np.full((len(start), len(times), fields, math.prod(shape)), np.nan)
         states[:, 0] = start.numpy().reshape(len(start), fields, -1)
@@ -99,7 +99,7 @@ class CompiledETDRK4:
                 row,
                 arrays,
                 steps,
-                factors(row),
+                factors_of(row),
                 shape,
                 axes,
                 batch.counts,
@@ -121,7 +121,7 @@ class CompiledETDRK4:
         """
         batch = self.tendency.batch(weights.numpy())
         steps = StepArrays.of(list(schedule([0.0, span], self.system.dt)))
-        factors = step_factors(real_if_possible(batch.linear), steps.lengths)
+        factors = step_factors(batch.linear, steps.lengths)
         rows, fields, shape = len(weights), batch.linear.shape[1], self.system.grid.shape
         points, axes = math.prod(shape), tuple(range(1, len(shape) + 1))
         made = STAGES * len(steps.h) * batch.transforms(ALL) + steps.turns * rows * fields
@@ -147,20 +147,20 @@ class CompiledETDRK4:
         return run
 
     def _factors(self, linear: Modes, rows: slice, steps: StepArrays) -> Callable[[int], Modes]:
-        """Return the coefficients of the steps as a function of the row among the wanted ones.
+        """Return a function from the index of a row within ``rows`` to its coefficients.
 
-        Those of a linear part that all trajectories share are remembered. Those of a single one
-        are computed when it is integrated, because the memory of all of them would take longer to
-        fill than they take to compute.
+        If all trajectories share L, the coefficients are cached. Otherwise those of a row are
+        computed when it is integrated: writing those of all rows to memory first takes longer than
+        computing them.
         """
         if len(linear) > 1:
-            own = real_if_possible(linear)[rows]
+            own = linear[rows]
             return lambda row: step_factors(own[row : row + 1], steps.lengths)
         key = linear.tobytes(), tuple(steps.lengths.tolist())
         if key not in self._known:
             if len(self._known) == CACHE_SIZE:
                 del self._known[next(iter(self._known))]
-            self._known[key] = step_factors(real_if_possible(linear), steps.lengths)
+            self._known[key] = step_factors(linear, steps.lengths)
         shared = self._known[key]
         return lambda row: shared
 

@@ -1,4 +1,8 @@
-"""Coefficients of ETDRK4 steps in machine code, for the linear parts of many trajectories."""
+"""Coefficients of ETDRK4 steps in machine code, for the linear parts of many trajectories.
+
+The formulas are those of :mod:`dashred.physics.solvers.etdrk4` and
+:mod:`dashred.physics.solvers.phi_functions`, value by value and without temporary arrays.
+"""
 
 from __future__ import annotations
 
@@ -10,20 +14,16 @@ import numpy as np
 
 from dashred.physics.backends.numba_backend import Array
 from dashred.physics.solvers.compiled.tendency import Modes
+from dashred.physics.solvers.etdrk4 import Coefficients
 from dashred.physics.solvers.phi_functions import SMALL, TERMS
 
-COUNT = 6
-"""Number of coefficients of a step: full, half, q, first, middle and last."""
-# 1/k! up to the last term of the series of φ_3.
+COUNT = len(Coefficients._fields)
+# 1/k! up to the last term of the series of φ_3. Numba keeps compiled code with these constants
+# until this file changes.
 INVERSE_FACTORIALS = np.array([1 / math.factorial(k) for k in range(TERMS + 4)])
 
 
-def real_if_possible(linear: Modes) -> Modes | Array:
-    """Return L as real numbers if it has no imaginary part: its coefficients take half the time."""
-    return linear if linear.imag.any() else np.ascontiguousarray(linear.real)
-
-
-def step_factors(linear: Modes | Array, lengths: Sequence[float] | Array) -> Modes:
+def step_factors(linear: Modes, lengths: Sequence[float] | Array) -> Modes:
     """Return the coefficients of :class:`dashred.physics.solvers.etdrk4.Coefficients`.
 
     Args:
@@ -33,11 +33,23 @@ def step_factors(linear: Modes | Array, lengths: Sequence[float] | Array) -> Mod
     Returns:
         ``(length, 6, row, field, mode)``.
     """
+    rows, fields, *modes = linear.shape
     factors = np.empty((len(lengths), COUNT, linear.size), dtype=np.complex128)
-    flat = np.ascontiguousarray(linear).reshape(-1)
+    flat = _real_if_possible(linear.reshape(-1))
     for h, of_step in zip(lengths, factors, strict=True):
         _fill(flat, h, of_step)
-    return factors.reshape(len(lengths), COUNT, *linear.shape[:2], -1)
+    return factors.reshape(len(lengths), COUNT, rows, fields, math.prod(modes))
+
+
+def compile_step_factors() -> None:
+    """Compile the code for linear parts with and without an imaginary part."""
+    for value in (-1.0, 1j):
+        step_factors(np.full((1, 1, 1), value, dtype=np.complex128), [1.0])
+
+
+def _real_if_possible(values: Modes) -> Modes | Array:
+    """Return values without an imaginary part as real ones, which take a third of the time."""
+    return values if values.imag.any() else np.ascontiguousarray(values.real)
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy")

@@ -187,6 +187,17 @@ def test_a_row_is_the_same_whatever_stands_beside_it(ks: Case) -> None:
     torch.testing.assert_close(ks.run(start, TIMES, beside)[:6], found, rtol=1e-10, atol=1e-10)
 
 
+@pytest.mark.parametrize("name", ["ks", "engine"])
+def test_the_wanted_rows_of_a_batch_have_the_bits_of_the_whole(
+    name: str, request: pytest.FixtureRequest
+) -> None:
+    case = request.getfixturevalue(name)
+    found = case.run(case.start[2:4], TIMES, case.weights, rows=slice(2, 4))
+    torch.testing.assert_close(
+        found, case.run(case.start, TIMES, case.weights)[2:4], rtol=0, atol=0, equal_nan=True
+    )
+
+
 def test_a_linear_system_has_nothing_pointwise(make) -> None:
     text = KS.replace("DEALIAS", "false").replace("-u*d(u, x) - d(u, x, 2)", "0.3*d(u, x, 2)")
     case = make(text, ODD)
