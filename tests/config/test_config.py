@@ -294,7 +294,7 @@ WRONG_VALUES = [
     ("recording.every=11", "a twin needs recording.every"),
     ("recording.twin=../a", "'../a' is not the name of a twin"),
     ("device=gpu", "unknown device 'gpu'"),
-    ("cluster=10.0.0.5:8786", "'10.0.0.5:8786' is not one of local"),
+    ("cluster=10.0.0.5:8786", "'10.0.0.5:8786' does not name a cluster"),
     ("cluster=0", "0 is not a number of workers from 1 to 1024"),
     (
         "system.axes.x.points=7",

@@ -21,7 +21,7 @@ def check_cluster(settings: Settings, where: Where) -> None:
     try:
         read_cluster(settings.cluster)
     except ValueError as error:
-        raise InputError(str(error), where=where("cluster"), hint=EXAMPLES) from None
+        raise InputError(str(error), where=where("cluster"), hint=f"cluster={EXAMPLES}") from None
     if not (_has_command(settings.system) or _has_spectral_fields(settings.system)):
         raise InputError(
             "no part of this analysis runs on a cluster: its system has neither a "

@@ -51,7 +51,7 @@ def read_cluster(text: str) -> Cluster:
     if match := BATCH.match(text):
         kind: Literal["slurm", "kubernetes"] = "slurm" if match[1] == "slurm" else "kubernetes"
         return Cluster(kind, _read_count(match[2]))
-    raise ValueError(f"{text!r} is not one of {EXAMPLES}")
+    raise ValueError(f"{text!r} does not name a cluster")
 
 
 def _read_count(text: str) -> int:
