@@ -326,6 +326,11 @@ def test_wrong_values(write: Any, word: str, what: str) -> None:
     assert error.where == "command line"
 
 
+def test_a_word_that_names_no_cluster_is_answered_with_the_possible_ones(write: Any) -> None:
+    hint = refused(write, "cluster=fast").hint
+    assert hint == "cluster=local|N|tcp://HOST:PORT|slurm:N|kubernetes:N"
+
+
 def test_a_comma_within_parentheses_does_not_end_an_item() -> None:
     values, lines = read_text('[1, d(u, x), "d(u", v*d(d(u, x, 2), x), 2]', label="a", key="u")
     assert values == [1, "d(u, x)", "d(u", "v*d(d(u, x, 2), x)", 2]
