@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 from torch import Tensor
 
 from dashred.inference.fit.normal_equations import solve
-from dashred.inference.fit.selection.subset_search import ProfiledProblem, backward_path, small_sets
+from dashred.inference.fit.selection.best_subsets import best_subsets
+from dashred.inference.fit.selection.subset_search import ProfiledProblem, backward_path
 
 Set = tuple[int, ...]
 
@@ -29,11 +30,9 @@ def promising_sets(problem: ProfiledProblem) -> list[Set]:
     """Return the best sets of each size, and those of the backward path."""
     count = len(problem.target)
     found: list[Set] = []
-    for sets in small_sets(count, min(LARGEST, count)):
-        size = sets.shape[1]
-        if size:
-            order = problem.costs(sets).argsort()[: REFITTED[size]]
-            found += [tuple(members) for members in sets[order].tolist()]
+    for size, most in REFITTED.items():
+        if size <= count:
+            found += [tuple(members) for members in best_subsets(problem, size, most).tolist()]
     path = backward_path(problem, LARGEST_ON_PATH)
     return found + [members for members in path if len(members) > LARGEST]
 

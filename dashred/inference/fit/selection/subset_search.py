@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain, combinations
 
 import numpy as np
@@ -22,6 +23,11 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquat
 from dashred.inference.fit.normal_equations import solve
 
 CHUNK = 20000
+# Added to the diagonal of a matrix whose diagonal is 1.
+RIDGE = 1e-10
+# An inverse is not updated, but computed again, when a candidate is dropped of whose effect the
+# others explain all but this share, inverted.
+COLLINEAR = 1e4
 # The effects of candidates are compared up to this factor times the horizon.
 LOOKAHEAD = 3
 
@@ -96,17 +102,21 @@ class ProfiledProblem:
         if not len(sets[0]):
             return torch.tensor([self.constant], dtype=torch.float64)
         chosen = torch.as_tensor(sets)
-        gram = self.gram + torch.diag(self.precision)
+        gram, target = self.scaled
         gains = []
         for part in chosen.split(CHUNK):
-            matrix = gram[part[:, :, None], part[:, None, :]]
-            right = self.target[part]
-            size = matrix.diagonal(dim1=1, dim2=2).sqrt()
-            scaled = matrix / size[:, :, None] / size[:, None, :]
-            scaled = scaled + 1e-10 * torch.eye(part.shape[1], dtype=torch.float64)
-            solved = torch.linalg.solve(scaled, (right / size)[..., None])[..., 0]
-            gains.append((solved * right / size).sum(dim=1))
+            right = target[part]
+            solved = torch.linalg.solve(gram[part[:, :, None], part[:, None, :]], right[..., None])
+            gains.append((solved[..., 0] * right).sum(dim=1))
         return self.constant - torch.cat(gains)
+
+    @cached_property
+    def scaled(self) -> tuple[Tensor, Tensor]:
+        """``G + P`` with a diagonal of 1 and a small ridge, and g in the same scale."""
+        gram = self.gram + torch.diag(self.precision)
+        size = gram.diagonal().sqrt()
+        ridge = RIDGE * torch.eye(len(size), dtype=torch.float64)
+        return gram / size[:, None] / size + ridge, self.target / size
 
     def coefficients(self, chosen: tuple[int, ...]) -> Tensor:
         """Return the ξ that minimises F for one set, ``(len(chosen),)``."""
@@ -141,20 +151,27 @@ def backward_path(problem: ProfiledProblem, largest: int) -> list[tuple[int, ...
     Each step drops the candidate whose omission raises F least. The path reaches sets that are too
     large to enumerate.
     """
-    gram = problem.gram + torch.diag(problem.precision)
-    size = gram.diagonal().sqrt()
-    remaining = list(range(len(size)))
-    path = []
-    while remaining:
-        if len(remaining) <= largest:
-            path.append(tuple(remaining))
-        scaled = gram[remaining][:, remaining] / size[remaining, None] / size[remaining]
-        scaled = scaled + 1e-10 * torch.eye(len(remaining), dtype=torch.float64)
-        inverse = torch.linalg.inv(scaled)
-        solved = inverse @ (problem.target[remaining] / size[remaining])
+    gram, target = (tensor.numpy() for tensor in problem.scaled)
+    remaining = np.arange(len(target))
+    path: list[tuple[int, ...]] = []
+    inverse = np.linalg.inv(gram)
+    xi = inverse @ target
+    for last in range(len(target) - 1, -1, -1):
+        if last < largest:
+            path.append(tuple(sorted(remaining.tolist())))
         # The rise of F when candidate j is dropped: ξⱼ²/(G⁻¹)ⱼⱼ.
-        rise = solved.square() / inverse.diagonal()
-        del remaining[int(rise.argmin())]
+        dropped = int((np.square(xi) / inverse.diagonal()).argmin())
+        column, pivot, effect = inverse[dropped].copy(), inverse[dropped, dropped], xi[dropped]
+        # The last candidate takes the place of the one that is dropped.
+        for values in (remaining, xi, column, inverse, inverse.T):
+            values[dropped] = values[last]
+        remaining, column = remaining[:last], column[:last]
+        if pivot > COLLINEAR:
+            inverse = np.linalg.inv(gram[np.ix_(remaining, remaining)])
+            xi = inverse @ target[remaining]
+        else:
+            inverse = inverse[:last, :last] - np.outer(column, column / pivot)
+            xi = xi[:last] - column * (effect / pivot)
     return path
 
 

@@ -112,6 +112,26 @@ def test_the_backward_path_is_nested_and_drops_the_least_needed(
     assert backward_path(problem, 2) == path[-2:]
 
 
+@pytest.mark.parametrize("collinear", [1e4, 0.0])
+def test_updated_inverses_give_the_path_of_fresh_ones(
+    collinear: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    columns = draw(SAMPLES, 30, seed=6) + draw(SAMPLES, 1, seed=7)
+    columns[:, 20:] = columns[:, :10] + 10.0 ** -torch.arange(10.0).double() * columns[:, 20:]
+    goal = columns[:, [0, 4, 9, 12]].sum(dim=1) + draw(SAMPLES, seed=8)
+    problem = ProfiledProblem(
+        columns.T @ columns, columns.T @ goal, float(goal @ goal), torch.full((30,), 1e-3).double()
+    )
+    monkeypatch.setattr("dashred.inference.fit.selection.subset_search.COLLINEAR", collinear)
+    path = backward_path(problem, 6)
+    remaining = list(range(30))
+    while len(remaining) > 1:
+        others = [tuple(j for j in remaining if j != out) for out in remaining]
+        remaining = list(others[int(problem.costs(others).argmin())])
+        if len(remaining) <= 6:
+            assert path[6 - len(remaining)] == tuple(remaining)
+
+
 def orthogonal(effects: list[float], stds: list[float]) -> ProfiledProblem:
     """Return a problem whose candidates are orthogonal to the start and to each other."""
     q, _ = torch.linalg.qr(draw(SAMPLES, MODES + len(effects), seed=4))
