@@ -206,7 +206,8 @@ class _Search:
     def refit_rivals(self) -> bool:
         """Refit the best rivals that are no larger than the best set, with their own Jacobians.
 
-        Those that had nearly the same effect at first are among them.
+        Those that had nearly the same effect at first are among them, and the best one of each
+        smaller size: sets of many wrong terms can all be better than a true law that is stuck.
 
         Returns:
             whether a rival is now the best set.
@@ -222,7 +223,12 @@ class _Search:
         ]
         others.sort(key=lambda found: found.score)
         alike = set(exchanges(self.first, best.members))
-        for rival in [*others[:RIVALS], *[r for r in others[RIVALS:] if r.members in alike]]:
+        smaller = {len(found.members): found for found in reversed(others)}
+        smaller.pop(len(best.members), None)
+        rest = [
+            r for r in others[RIVALS:] if r.members in alike or r is smaller.get(len(r.members))
+        ]
+        for rival in [*others[:RIVALS], *rest]:
             if rival.members in self.refitted_rivals:
                 continue
             self.refitted_rivals.add(rival.members)

@@ -12,6 +12,7 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.fit.levenberg_marquardt import minimise
 from dashred.inference.fit.selection.stepwise_moves import Set
 from dashred.inference.fit.selection.stepwise_selection import (
+    RefittedSet,
     Selection,
     polish,
     select,
@@ -111,6 +112,27 @@ def test_rivals_with_stuck_refits_are_refitted(
     left = next(t for t in stuck.tried if t.members == rival.members)
     assert left.cost > rival.cost + 0.01
     assert best.members == members("x**3") == stuck.tried[0].members
+
+
+def test_the_best_set_of_each_smaller_size_is_refitted(
+    swing: Swing, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refitted = []
+
+    def recorded(objective: LeastSquaresProblem, tried: RefittedSet, *limits: float) -> RefittedSet:
+        refitted.append(tried.members)
+        return polish(objective, tried, limits[0])
+
+    module = "dashred.inference.fit.selection.stepwise_selection"
+    monkeypatch.setattr(f"{module}.RIVALS", 0)
+    monkeypatch.setattr("dashred.inference.fit.selection.stepwise_moves.ALIKE", 2.0)
+    monkeypatch.setattr(f"{module}.LARGEST_COST_RATIO", math.inf)
+    monkeypatch.setattr(f"{module}.SCORE_MARGIN", math.inf)
+    monkeypatch.setattr(f"{module}.polish", recorded)
+    found = searched(problem(swing, "drag and a hardening spring", 0))
+    assert found.tried[0].members == members("x**3", "abs(p)*p")
+    [single] = refitted
+    assert single == next(t.members for t in found.tried if len(t.members) == 1)
 
 
 @pytest.mark.parametrize("believed", [0.3, 3.0])
