@@ -96,6 +96,7 @@ def select(
         search.linearise(best.phi)
         costs = {members: found.cost for members, found in search.tried.items()}
         search.refit(neighbouring_sets(search.problem, search.first, best.members, costs))
+        search.refit_smaller()
         report(0.4 + 0.6 * (turn + 1) / ROUNDS, f"{len(search.tried)} sets refitted")
         if search.best.members == best.members and not search.refit_rivals():
             exhausted = True
@@ -203,17 +204,34 @@ class _Search:
             if members not in self.tried or score < self.tried[members].score:
                 self.tried[members] = RefittedSet(members, found.phi[row], cost, score)
 
+    def refit_smaller(self) -> None:
+        """Refit the best set of each smaller size with its own Jacobians.
+
+        A set of many wrong terms can be better than a true law whose fit is stuck.
+        """
+        best = self.best
+        for size in range(1, len(best.members)):
+            rivals = [found for found in self._rivals(best) if len(found.members) == size]
+            self._refit_with_own_jacobians(rivals[:1], best)
+
     def refit_rivals(self) -> bool:
         """Refit the best rivals that are no larger than the best set, with their own Jacobians.
 
-        Those that had nearly the same effect at first are among them, and the best one of each
-        smaller size: sets of many wrong terms can all be better than a true law that is stuck.
+        Those that had nearly the same effect at first are among them.
 
         Returns:
             whether a rival is now the best set.
         """
         best = self.best
-        others = [
+        rivals = self._rivals(best)
+        alike = set(exchanges(self.first, best.members))
+        others = [rival for rival in rivals[RIVALS:] if rival.members in alike]
+        self._refit_with_own_jacobians([*rivals[:RIVALS], *others], best)
+        return self.best.members != best.members
+
+    def _rivals(self, best: RefittedSet) -> list[RefittedSet]:
+        """Return the near sets that are no larger than the best set, by their scores."""
+        rivals = [
             found
             for members, found in self.tried.items()
             if 0 < len(members) <= len(best.members)
@@ -221,14 +239,11 @@ class _Search:
             and math.isfinite(found.score)
             and self._is_near(members)
         ]
-        others.sort(key=lambda found: found.score)
-        alike = set(exchanges(self.first, best.members))
-        smaller = {len(found.members): found for found in reversed(others)}
-        smaller.pop(len(best.members), None)
-        rest = [
-            r for r in others[RIVALS:] if r.members in alike or r is smaller.get(len(r.members))
-        ]
-        for rival in [*others[:RIVALS], *rest]:
+        return sorted(rivals, key=lambda found: found.score)
+
+    def _refit_with_own_jacobians(self, rivals: Sequence[RefittedSet], best: RefittedSet) -> None:
+        """Refit sets that have not been refitted like this before; keep a better earlier fit."""
+        for rival in rivals:
             if rival.members in self.refitted_rivals:
                 continue
             self.refitted_rivals.add(rival.members)
@@ -236,7 +251,6 @@ class _Search:
             fitted = polish(self.objective, begin, RIVAL_TOLERANCE, RIVAL_STEPS)
             if fitted.score < rival.score:
                 self.tried[rival.members] = fitted
-        return self.best.members != best.members
 
     def _is_near(self, members: Set) -> bool:
         """Return whether the predicted F of a set is near the F of the best."""
