@@ -81,8 +81,6 @@ def perturbation_step(march: March, states: Array, begin: float, span: float) ->
     pairs = states[: 2 * min(PAIRS, len(states) // 2)]
     fields, exact = len(march.system.fields), _differences(march, pairs, begin, span)
     size = _squares(exact, fields)
-    time = torch.tensor([begin], dtype=torch.float64)
-    along = Along(march.on_grid(states[:1]), time, math.inf, DURATION * span)
     for count in STEPS:
         coarse = march.with_step(span / count)
         if coarse.system.dt <= 1.5 * march.system.dt:
@@ -90,9 +88,23 @@ def perturbation_step(march: March, states: Array, begin: float, span: float) ->
         errors = _squares(_differences(coarse, pairs, begin, span) - exact, fields)
         # This is also false for runs that have blown up.
         is_accurate = (errors <= TOLERANCE**2 * size).all()
-        if is_accurate and is_stable(coarse.system, along):
+        if is_accurate and is_stable_for_long(coarse, states, begin, span):
             return coarse.system.dt
     return None
+
+
+def is_stable_for_long(march: March, states: Array, begin: float, span: float) -> bool:
+    """Return whether the steps do not amplify rounding errors over very many samples.
+
+    Args:
+        march: the simulator with these steps.
+        states: that the system may be in, ``(state, field*point)``.
+        begin: time at which they are.
+        span: time between two samples.
+    """
+    time = torch.tensor([begin], dtype=torch.float64)
+    along = Along(march.on_grid(states[:1]), time, math.inf, DURATION * span)
+    return is_stable(march.system, along)
 
 
 def _differences(march: March, pairs: Array, begin: float, span: float) -> Array:

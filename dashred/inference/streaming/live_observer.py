@@ -22,12 +22,16 @@ from dashred.inference.observer.localisation import radius_for, sensor_tapers
 from dashred.inference.observer.march import March, points_of
 from dashred.inference.observer.perturbation_march import PerturbationMarch, perturbation_step
 from dashred.inference.observer.random_differences import random_differences
+from dashred.inference.streaming.forecast_step import with_longest_step
 from dashred.inference.streaming.live_estimator import FAR, Analysed, LiveSettings
 from dashred.inference.streaming.live_gains import SIMULATIONS, LiveGains, learn_gains
 from dashred.inference.streaming.readout import Readout
 
 Array = NDArray[np.float64]
 
+# Changes of a reading by longer time steps, in σ: in the forecast of the next sample, from which the
+# estimate comes, and in other forecasts.
+ESTIMATE_TOLERANCE, FORECAST_TOLERANCE = 0.01, 0.05
 # Errors of the simulator in an interval between samples that are tried. With none, the observer
 # would no longer listen after a long time.
 MODEL_ERRORS = (1e-3, 1e-2)
@@ -74,7 +78,9 @@ class LiveObserver:
         self._shape = points_of(self.system)
         self._mean, self._range = climate.mean(axis=0), np.ptp(climate, axis=0).max()
         self._step = perturbation_step(march, climate, march.begin, span)
-        self._flow = PerturbationMarch(march, self._step)
+        own = self._with_longest_step(span, ESTIMATE_TOLERANCE)
+        self._flow = PerturbationMarch(own, self._step)
+        self._forecasts: dict[float, March] = {}
         self._gains = self._learnt()
         self.begin()
 
@@ -163,8 +169,22 @@ class LiveObserver:
             self._later = span, self._flow([self.estimate], self.time, span)[0]
             later = self._later[1]
         else:
-            later = self.march(self.estimate.state, self.time, span, known=self.time)
+            later = self._forecast_flow(span)(self.estimate.state, self.time, span, self.time)
+            # Long steps may blow up where those of the simulator do not.
+            if not np.isfinite(later).all():
+                later = self.march(self.estimate.state, self.time, span, self.time)
         return self.quantities(later[:1], self.time + span)[0]
+
+    def _forecast_flow(self, span: float) -> March:
+        """Return the flow of forecasts of a length; it is chosen once."""
+        if span not in self._forecasts:
+            self._forecasts[span] = self._with_longest_step(span, FORECAST_TOLERANCE)
+        return self._forecasts[span]
+
+    def _with_longest_step(self, span: float, tolerance: float) -> March:
+        """Return the flow for forecasts of a length; see :func:`.with_longest_step`."""
+        known = self.quantities, self._noise, self._climate
+        return with_longest_step(self.march, *known, self._span, span, tolerance)
 
     def _arrived(self, time: float, span: float) -> Array:
         """Return all states at a sample; a forecast of that length was computed already."""
