@@ -6,9 +6,12 @@ import math
 from dataclasses import dataclass
 
 import pytest
+import torch
 
+from dashred.core.work import COLUMN_STEPS, work_done
 from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forcing
+from dashred.inference.hypotheses.sources import source_fit
 from dashred.inference.hypotheses.sources.bump import Bump
 from dashred.inference.hypotheses.sources.courses import Constant
 from dashred.inference.hypotheses.sources.find_source import (
@@ -16,6 +19,7 @@ from dashred.inference.hypotheses.sources.find_source import (
     find_source,
     rival_score,
 )
+from dashred.inference.hypotheses.sources.screening import Source, widest_bump
 from dashred.inference.hypotheses.sources.source_law import fit_source_law, locate_source
 from tests.channel import Channel, fitted
 
@@ -106,3 +110,24 @@ def test_a_force_everywhere_is_no_localised_source(channel: Channel, text: str) 
     forcing, gain = fit_free_forcing(null, phi, channel.size)
     assert gain > 100
     assert find_source(null, phi, forcing, channel.size, 4) is None
+
+
+def test_the_fit_of_a_source_that_acts_everywhere_ends_early(
+    channel: Channel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    null = channel.objective(channel.recorded([("1", 0.1)]))
+    phi, begin = fitted(null), Bump((PLACE,), WIDTH)
+    source = Source(0, begin, Constant(), torch.zeros(1, dtype=torch.float64))
+
+    widest, limit = widest_bump(channel.system), source_fit.LARGEST_WIDTH_RATIO
+
+    def fit(ratio: float) -> tuple[float, int]:
+        monkeypatch.setattr(f"{source_fit.__name__}.LARGEST_WIDTH_RATIO", ratio)
+        before = work_done().get(COLUMN_STEPS, 0)
+        width = source_fit.fit_source(null, phi, source, channel.size).source.bump.width
+        return width, work_done()[COLUMN_STEPS] - before
+
+    to_the_end, all_columns = fit(math.inf)
+    width, columns = fit(limit)
+    assert to_the_end > width > limit * widest
+    assert columns < 0.8 * all_columns
