@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from statistics import median
 
@@ -56,9 +57,15 @@ class HorizonState:
         self.narrow = self.objective.prior_std
 
     @property
+    def misfit_of_first_samples(self) -> float:
+        """χ²/n that the fit of the first samples leaves; infinite after a blow-up."""
+        misfit = self.levels[0][1]
+        return math.inf if math.isnan(misfit) else misfit
+
+    @property
     def explains_first_samples(self) -> bool:
         """Whether the fit of the first samples leaves no more than noise may."""
-        return self.levels[0][1] <= EXPLAINED
+        return self.misfit_of_first_samples <= EXPLAINED
 
     @property
     def widened(self) -> tuple[int, ...]:

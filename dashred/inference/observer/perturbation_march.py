@@ -1,4 +1,4 @@
-"""Run an estimate with the steps of the simulator, and its perturbations with longer ones.
+"""Run an estimate with accurate steps, and its perturbations with longer ones.
 
 A perturbation is the difference of two runs. With equal steps, the errors of these largely cancel.
 It need not be exact either, because it gives covariances alone.
@@ -32,8 +32,8 @@ class PerturbationMarch:
     """The flow of estimates with their perturbations.
 
     Args:
-        march: the simulator from sample to sample.
-        step: time step of the perturbations; None for that of the simulator.
+        march: flow of the estimate.
+        step: time step of the perturbations; None for that of the estimate.
     """
 
     def __init__(self, march: March, step: float | None) -> None:
@@ -59,7 +59,7 @@ class PerturbationMarch:
         ends = np.cumsum([len(each.states) for each in estimates])
         coarse = self._coarse if len(states) > len(estimates) else None
         rough = None if coarse is None else coarse(states, begin, span, known)
-        # Long steps may blow up where those of the simulator do not.
+        # Long steps may blow up where those of the estimate do not.
         if rough is None or not np.isfinite(rough).all():
             return np.split(self._march(states, begin, span, known), ends[:-1])
         exact = self._march(np.concatenate([e.state for e in estimates]), begin, span, known)
@@ -88,7 +88,7 @@ def perturbation_step(march: March, states: Array, begin: float, span: float) ->
         errors = _squares(_differences(coarse, pairs, begin, span) - exact, fields)
         # This is also false for runs that have blown up.
         is_accurate = (errors <= TOLERANCE**2 * size).all()
-        if is_accurate and is_stable_for_long(coarse, states, begin, span):
+        if is_accurate and is_stable_for_long(coarse, states[:1], begin, span):
             return coarse.system.dt
     return None
 
@@ -98,12 +98,12 @@ def is_stable_for_long(march: March, states: Array, begin: float, span: float) -
 
     Args:
         march: the simulator with these steps.
-        states: that the system may be in, ``(state, field*point)``.
+        states: beside which errors may grow, ``(state, field*point)``.
         begin: time at which they are.
         span: time between two samples.
     """
-    time = torch.tensor([begin], dtype=torch.float64)
-    along = Along(march.on_grid(states[:1]), time, math.inf, DURATION * span)
+    times = torch.full((len(states),), begin, dtype=torch.float64)
+    along = Along(march.on_grid(states), times, math.inf, DURATION * span)
     return is_stable(march.system, along)
 
 

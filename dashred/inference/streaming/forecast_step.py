@@ -15,9 +15,11 @@ from dashred.inference.streaming.readout import Readout
 
 Array = NDArray[np.float64]
 
-# Numbers of steps in an interval between samples that are tried, in turn, and on how many states.
-STEPS, STATES = (1, 2, 3, 4, 6, 8), 8
-# Largest change of a field, as a share of its std, per change of a reading in σ.
+# Numbers of steps in an interval between samples that are tried, in turn; on how many states, and
+# beside how many of these errors must not grow.
+STEPS, STATES, STABLE = (1, 2, 3, 4, 6, 8), 8, 3
+# The limit of the change of a field, as a share of its standard deviation, is this times that of
+# the change of a reading in σ.
 FIELD_SHARE = 0.02
 
 
@@ -36,30 +38,41 @@ def with_longest_step(
         march: the simulator from sample to sample.
         readout: of quantities, of which the first are the sensors.
         noise: σ of each sensor, ``(sensor,)``.
-        states: that the system may be in, ``(state, field*point)``.
+        states: that the system may be in, in order of time, ``(state, field*point)``.
         interval: time between two samples.
         span: length of the forecast.
         tolerance: largest change of a reading, as root mean square in σ.
     """
-    # Inputs that come in are not known for other times yet.
-    if not march.takes_other_steps or march.has_inputs:
+    # What depends on time, or on inputs that come in, may be different later.
+    if not march.takes_other_steps or march.has_inputs or march.system.reads_time():
         return march
-    tried, end = states[:STATES], march.begin + span
+    tried, end = _spread(states, STATES), march.begin + span
     exact = march(tried, march.begin, span)
+    if not np.isfinite(exact).all():
+        return march
     size = _by_field(states - states.mean(axis=0), march)
     for count in STEPS:
         coarse = march.with_step(interval / count)
         if coarse.system.dt <= march.system.dt:
             break
-        change = coarse(tried, march.begin, span) - exact
-        readings = (readout(exact + change, end) - readout(exact, end))[:, : len(noise)]
-        # These are also false for runs that have blown up.
-        is_accurate = np.sqrt(np.square(readings).mean(axis=0)) <= tolerance * noise
-        limits = FIELD_SHARE * tolerance * size
+        rough = coarse(tried, march.begin, span)
+        # This is also true for runs that have blown up.
+        if not np.abs(rough - exact).max() <= np.ptp(states):
+            continue
+        change, limits = rough - exact, FIELD_SHARE * tolerance * size
+        readings = (readout(rough, end) - readout(exact, end))[:, : len(noise)]
+        of_readings = np.sqrt(np.square(readings).mean(axis=0))
+        is_accurate = (of_readings <= tolerance * noise).all()
         is_accurate &= (_by_field(change, march) <= limits).all()
-        if is_accurate.all() and is_stable_for_long(coarse, states, march.begin, interval):
+        beside = _spread(states, STABLE)
+        if is_accurate and is_stable_for_long(coarse, beside, march.begin, interval):
             return coarse
     return march
+
+
+def _spread(states: Array, count: int) -> Array:
+    """Return some states from all parts, ``(count, field*point)``."""
+    return states[np.linspace(0, len(states) - 1, count).astype(np.intp)]
 
 
 def _by_field(values: Array, march: March) -> Array:

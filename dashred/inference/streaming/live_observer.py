@@ -29,8 +29,8 @@ from dashred.inference.streaming.readout import Readout
 
 Array = NDArray[np.float64]
 
-# Changes of a reading by longer time steps, in σ: in the forecast of the next sample, from which the
-# estimate comes, and in other forecasts.
+# Largest changes of a reading by longer time steps, in σ: in the forecast of the next sample, from
+# which the estimate comes, and in other forecasts.
 ESTIMATE_TOLERANCE, FORECAST_TOLERANCE = 0.01, 0.05
 # Errors of the simulator in an interval between samples that are tried. With none, the observer
 # would no longer listen after a long time.
@@ -78,8 +78,7 @@ class LiveObserver:
         self._shape = points_of(self.system)
         self._mean, self._range = climate.mean(axis=0), np.ptp(climate, axis=0).max()
         self._step = perturbation_step(march, climate, march.begin, span)
-        own = self._with_longest_step(span, ESTIMATE_TOLERANCE)
-        self._flow = PerturbationMarch(own, self._step)
+        self._flow, self._exact_flow = self._quick_flow(), PerturbationMarch(march, self._step)
         self._forecasts: dict[float, March] = {}
         self._gains = self._learnt()
         self.begin()
@@ -166,7 +165,7 @@ class LiveObserver:
         # The next sample needs the same forecast, with its perturbations.
         is_next = span == self._span and not self.march.has_inputs
         if is_next:
-            self._later = span, self._flow([self.estimate], self.time, span)[0]
+            self._later = span, self._forecast(span)
             later = self._later[1]
         else:
             later = self._forecast_flow(span)(self.estimate.state, self.time, span, self.time)
@@ -190,7 +189,20 @@ class LiveObserver:
         """Return all states at a sample; a forecast of that length was computed already."""
         if self._later is not None and self._later[0] == span:
             return self._later[1]
-        return self._flow([self.estimate], self.time, span, known=time)[0]
+        return self._forecast(span, time)
+
+    def _forecast(self, span: float, known: float | None = None) -> Array:
+        """Return the forecasts of all states."""
+        forecast = self._flow([self.estimate], self.time, span, known)[0]
+        if np.isfinite(forecast).all():
+            return forecast
+        return self._exact_flow([self.estimate], self.time, span, known)[0]
+
+    def _quick_flow(self) -> PerturbationMarch:
+        """Return the flow of the estimate with the longest steps, and of its perturbations."""
+        own = self._with_longest_step(self._span, ESTIMATE_TOLERANCE)
+        is_longer = self._step is not None and self._step > own.system.dt
+        return PerturbationMarch(own, self._step if is_longer else None)
 
     def _learnt(self) -> LiveGains:
         return learn_gains(

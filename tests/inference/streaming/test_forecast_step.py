@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from dashred.data.sensors import Sensor
 from dashred.inference.observer.march import March
-from dashred.inference.streaming.forecast_step import FIELD_SHARE, with_longest_step
+from dashred.inference.streaming.forecast_step import FIELD_SHARE, STEPS, with_longest_step
+from dashred.inference.streaming.live_estimator import LiveSettings
+from dashred.inference.streaming.live_observer import LiveObserver
 from dashred.inference.streaming.readout import Readout
 from tests.inference.observer.test_perturbation_march import (
     DT,
@@ -34,7 +36,7 @@ def march() -> March:
 @pytest.fixture(scope="module")
 def states(march: March) -> Array:
     """States of the attractor."""
-    begin = np.random.default_rng(0).standard_normal((12, POINTS))
+    begin = np.random.default_rng(0).standard_normal((16, POINTS))
     return march(begin - begin.mean(axis=1, keepdims=True), 0.0, 100.0)
 
 
@@ -48,20 +50,27 @@ def change(flow: March, march: March, states: Array) -> Array:
     return difference
 
 
+def sizes(changed: Array, march: March) -> tuple[float, float]:
+    """Return the root mean square of the worst reading, and of the field."""
+    readings = Readout(march, march.system, SENSORS)(changed, 0.0)
+    worst = np.sqrt(np.square(readings).mean(axis=0)).max()
+    return float(worst), float(np.sqrt(np.square(changed).mean()))
+
+
 def test_a_forecast_changes_by_less_than_the_tolerance(march: March, states: Array) -> None:
     sigma, tolerance = 0.002, 0.05
-    flow = chosen(march, states, sigma, tolerance)
-    assert flow.system.dt > 1.5 * DT
-    changed = change(flow, march, states[:8])
-    rms = np.sqrt(np.square(Readout(march, march.system, SENSORS)(changed, 0.0)).mean(axis=0))
-    assert (rms <= tolerance * sigma).all() and rms.max() > 0
-    # The next longer step changes it by more.
-    longer = march.with_step(SPAN / (round(SPAN / flow.system.dt) - 1))
-    more = change(longer, march, states[:8])
-    of_readings = Readout(march, march.system, SENSORS)(more, 0.0)
-    too_far = np.sqrt(np.square(of_readings).mean(axis=0)).max() > tolerance * sigma
-    of_field = np.sqrt(np.square(more).mean()) > FIELD_SHARE * tolerance * states.std()
-    assert too_far or of_field
+    flow = chosen(march, states[::2], sigma, tolerance)
+    count = round(SPAN / flow.system.dt)
+    assert 1 < count < SPAN / DT
+    # On other states, too, up to chance.
+    of_readings, of_field = sizes(change(flow, march, states[1::2]), march)
+    assert 0 < of_readings < 1.5 * tolerance * sigma
+    assert 0 < of_field < 1.5 * FIELD_SHARE * tolerance * states.std()
+    # The next longer step that is tried changes it by more.
+    longer = march.with_step(SPAN / max(n for n in STEPS if n < count))
+    of_readings, of_field = sizes(change(longer, march, states[::2]), march)
+    limit = FIELD_SHARE * tolerance * states.std()
+    assert of_readings > tolerance * sigma / 1.5 or of_field > limit / 1.5
 
 
 def test_without_a_tolerance_the_step_is_that_of_the_simulator(march: March, states: Array) -> None:
@@ -71,9 +80,8 @@ def test_without_a_tolerance_the_step_is_that_of_the_simulator(march: March, sta
 def test_fields_between_the_sensors_count(march: March, states: Array) -> None:
     """Noise that hides every change of a reading does not make the forecast of a field worse."""
     flow = chosen(march, states, math.inf, 0.05)
-    size = np.sqrt(np.square(states - states.mean(axis=0)).mean())
-    rms = np.sqrt(np.square(change(flow, march, states[:8])).mean())
-    assert 0 < rms <= FIELD_SHARE * 0.05 * size
+    _, rms = sizes(change(flow, march, states), march)
+    assert 0 < rms <= 1.5 * FIELD_SHARE * 0.05 * states.std()
 
 
 def test_steps_that_amplify_short_waves_are_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -92,3 +100,60 @@ def test_inputs_that_come_in_keep_the_step(
 ) -> None:
     monkeypatch.setattr(March, "has_inputs", True)
     assert chosen(march, states, 0.05, 0.05) is march
+
+
+def test_simulators_that_depend_on_time_keep_the_step(
+    march: March, states: Array, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(type(march.system), "reads_time", lambda self: True)
+    assert chosen(march, states, 0.05, 0.05) is march
+
+
+@pytest.fixture(scope="module")
+def live(march: March, states: Array) -> LiveObserver:
+    """An observer that has assimilated some readings of a state."""
+    noise = np.full(2, 0.05)
+    observer = LiveObserver(march, SENSORS, (), noise, states, SPAN, LiveSettings(), 0)
+    truth = states[:1]
+    for sample in range(20):
+        readings = observer.quantities(truth, 0.0)[0]
+        observer.step(sample * SPAN, SPAN, readings, np.full(2, math.inf))
+        truth = march(truth, 0.0, SPAN)
+    return observer
+
+
+def taken(monkeypatch: pytest.MonkeyPatch, fails: float = math.inf) -> list[float]:
+    """Return a list of the time steps that are taken from now on; longer ones may blow up."""
+    steps, own = [], March.__call__
+
+    def recorded(self: March, states: Array, *rest: float | None) -> Array:
+        steps.append(self.system.dt)
+        failed = self.system.dt > fails
+        return np.full_like(states, np.nan) if failed else own(self, states, *rest)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(March, "__call__", recorded)
+    return steps
+
+
+@pytest.mark.parametrize("span", [SPAN, AHEAD])
+def test_an_observer_takes_longer_steps(
+    live: LiveObserver, span: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected = live.march(live.estimate.state, 0.0, span)
+    exact = live.quantities(expected, 0.0)[0]
+    live.copy().ahead(span)
+    # The steps for a span are chosen once, also for copies.
+    steps = taken(monkeypatch)
+    found = live.copy().ahead(span)
+    assert 1 <= len(steps) <= 2 and min(steps) > 1.5 * DT
+    np.testing.assert_allclose(found, exact, atol=3 * 0.05 * 0.05)
+
+
+@pytest.mark.parametrize("span", [SPAN, AHEAD])
+def test_a_forecast_that_blows_up_is_repeated_with_the_steps_of_the_simulator(
+    live: LiveObserver, span: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    exact = live.quantities(live.march(live.estimate.state, 0.0, span), 0.0)[0]
+    live.ahead(span)
+    taken(monkeypatch, fails=1.5 * DT)
+    np.testing.assert_allclose(live.copy().ahead(span), exact, rtol=1e-9)

@@ -2,12 +2,14 @@
 
 With ``A = G + P`` and ``b = g`` of :class:`.ProfiledProblem`, a set S lowers F by its gain
 ``b_Sᵀ A_S⁻¹ b_S``. The gain exceeds a limit t exactly if ``A_S - b_S b_Sᵀ / t`` is not positive
-semidefinite (Schur complement). For pairs these are the 2 × 2 minors of one matrix,
-``M = A - b bᵀ / t``. Of three candidates, one, i, is eliminated first:
+semidefinite (Schur complement). For pairs this is so where a 2 × 2 minor of the matrix
+``M = A - b bᵀ / t`` is negative, because M has at most one negative eigenvalue. For three
+candidates, one of them, i, is eliminated first:
 
     M = A - u uᵀ - a aᵀ / (t - b_i² / A_ii),   u = A_i / √A_ii,   a = b - u b_i / √A_ii.
 
-The limit t is the gain of the worst set that is still kept. Only sets above it are solved for.
+The limit t is the gain of the worst set that is still kept, which is at least the gain of every
+single candidate. Only sets above it are solved for.
 """
 
 from __future__ import annotations
@@ -26,8 +28,9 @@ from dashred.inference.fit.selection.subset_search import ProfiledProblem
 ELEMENTS = 50_000
 # Up to so many sets are solved for without a limit.
 FEW = 500
-# The limit exceeds the gain of each single candidate, if only by a rounding error.
-LEAST_LEFT = 1e-12
+# The limit is at least the gain of every single candidate. Rounding must not make their difference
+# zero; this share of the limit remains.
+LEAST_DIFFERENCE = 1e-12
 
 
 def best_subsets(problem: ProfiledProblem, size: int, most: int) -> Tensor:
@@ -42,7 +45,7 @@ def best_subsets(problem: ProfiledProblem, size: int, most: int) -> Tensor:
     """
     count = len(problem.target)
     every = torch.arange(count)
-    if math.comb(count, size) <= FEW or most > count - size + 1:
+    if size == 1 or math.comb(count, size) <= FEW or most > count - size + 1:
         return _Best(problem, torch.combinations(every, size), most).sets
     # The best smaller set gains at least as much as any other one, so its extensions give a limit
     # that no smaller set exceeds.
@@ -105,7 +108,7 @@ def _triples(gram: Array, target: Array, limit: float, first: range) -> Tensor:
     size = np.sqrt(gram.diagonal()[first])
     eliminated = gram[first, rest] / size[:, None]
     effect = target[first] / size
-    left = np.sqrt(np.maximum(limit - effect**2, LEAST_LEFT * limit))
+    left = np.sqrt(np.maximum(limit - effect**2, LEAST_DIFFERENCE * limit))
     remaining = (target[rest] - eliminated * effect[:, None]) / left[:, None]
     i, j, k = _indefinite(gram[rest, rest], np.stack([eliminated, remaining], axis=-1))
     # The matrices of all first candidates have the same rows, also those of earlier candidates.
@@ -116,7 +119,7 @@ def _triples(gram: Array, target: Array, limit: float, first: range) -> Tensor:
 def _indefinite(
     gram: Array, taken: Array
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return the indices of the negative minors of ``A - T Tᵀ``: of T, and of two rows, j < k.
+    """Return the places ``(batch, j, k)``, j < k, where a 2 × 2 minor of ``A - T Tᵀ`` is negative.
 
     Args:
         gram: A, ``(candidate, candidate)``.

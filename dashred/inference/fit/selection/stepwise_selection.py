@@ -205,14 +205,16 @@ class _Search:
                 self.tried[members] = RefittedSet(members, found.phi[row], cost, score)
 
     def refit_smaller(self) -> None:
-        """Refit the best set of each smaller size with its own Jacobians.
+        """Refit the best near set of each smaller size with its own Jacobians.
 
         A set of many wrong terms can be better than a true law whose fit is stuck.
         """
         best = self.best
-        for size in range(1, len(best.members)):
-            rivals = [found for found in self._rivals(best) if len(found.members) == size]
-            self._refit_with_own_jacobians(rivals[:1], best)
+        rivals = self._rivals(best)
+        # The last one of a size in reversed order is the best one.
+        by_size = {len(rival.members): rival for rival in reversed(rivals)}
+        smaller = [rival for size, rival in by_size.items() if size < len(best.members)]
+        self._refit_with_own_jacobians(smaller, best)
 
     def refit_rivals(self) -> bool:
         """Refit the best rivals that are no larger than the best set, with their own Jacobians.

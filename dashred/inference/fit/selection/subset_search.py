@@ -25,9 +25,10 @@ from dashred.inference.fit.normal_equations import solve
 CHUNK = 20000
 # Added to the diagonal of a matrix whose diagonal is 1.
 RIDGE = 1e-10
-# An inverse is not updated, but computed again, when a candidate is dropped of whose effect the
-# others explain all but this share, inverted.
-COLLINEAR = 1e4
+# The inverse is updated when a candidate is dropped. Where an element of its diagonal has become
+# smaller by this factor, the candidate was nearly collinear with dropped ones, and too many digits
+# are lost: the inverse is computed again.
+LARGEST_DECREASE = 1e4
 # The effects of candidates are compared up to this factor times the horizon.
 LOOKAHEAD = 3
 
@@ -155,7 +156,7 @@ def backward_path(problem: ProfiledProblem, largest: int) -> list[tuple[int, ...
     remaining = np.arange(len(target))
     path: list[tuple[int, ...]] = []
     inverse = np.linalg.inv(gram)
-    xi = inverse @ target
+    xi, fresh = inverse @ target, inverse.diagonal().copy()
     for last in range(len(target) - 1, -1, -1):
         if last < largest:
             path.append(tuple(sorted(remaining.tolist())))
@@ -163,15 +164,15 @@ def backward_path(problem: ProfiledProblem, largest: int) -> list[tuple[int, ...
         dropped = int((np.square(xi) / inverse.diagonal()).argmin())
         column, pivot, effect = inverse[dropped].copy(), inverse[dropped, dropped], xi[dropped]
         # The last candidate takes the place of the one that is dropped.
-        for values in (remaining, xi, column, inverse, inverse.T):
+        for values in (remaining, xi, fresh, column, inverse, inverse.T):
             values[dropped] = values[last]
-        remaining, column = remaining[:last], column[:last]
-        if pivot > COLLINEAR:
+        remaining, fresh, column = remaining[:last], fresh[:last], column[:last]
+        inverse = inverse[:last, :last] - np.outer(column, column / pivot)
+        xi = xi[:last] - column * (effect / pivot)
+        # This is also true if rounding has made an element negative.
+        if (LARGEST_DECREASE * inverse.diagonal() < fresh).any():
             inverse = np.linalg.inv(gram[np.ix_(remaining, remaining)])
-            xi = inverse @ target[remaining]
-        else:
-            inverse = inverse[:last, :last] - np.outer(column, column / pivot)
-            xi = xi[:last] - column * (effect / pivot)
+            xi, fresh = inverse @ target[remaining], inverse.diagonal().copy()
     return path
 
 

@@ -32,6 +32,9 @@ MIN_SCREENED_SHARE, MIN_EXPLAINED_SHARE = 0.5, 0.9
 # A kind of source is fitted if it explains at most this share of the misfit less than the best. Its
 # fit may lower the score, because the mesh is coarser than a bump.
 NEAR = 0.05
+# The first fit of a source ends when its bump is wider than this multiple of the widest one. It is
+# then hardly local, and each further step takes a Jacobian.
+LARGEST_WIDTH_RATIO = 3.0
 
 
 @dataclass(frozen=True)
@@ -141,21 +144,37 @@ def _best_fit(
 ) -> tuple[SourceFit, float]:
     """Return the fit of the best source and its penalty; the plainest courses are fitted first.
 
-    No further course is fitted if one explains the recording.
+    No further course is fitted if one explains the recording. Fits that ended with a wide bump go
+    on if the best one is local, which they might be better than.
     """
+    widest = widest_bump(null.forward_model.simulator.system)
+    limit = LARGEST_WIDTH_RATIO * widest
     fits: list[tuple[SourceFit, float]] = []
     for each in sorted(screened, key=lambda each: each.penalty):
-        fits.append((fit_source(null, phi, each.source, size, tolerance), each.penalty))
+        fits.append((fit_source(null, phi, each.source, size, tolerance, limit), each.penalty))
         if fits[-1][0].chi2 < MAX_EXPLAINED_CHI2 * null.noise.count:
             break
-    best, penalty = min(fits, key=lambda pair: pair[0].cost + pair[1])
+    best, penalty = min(fits, key=_score)
+    if best.source.bump.width <= widest:
+        fits = [
+            (fit_source(null, fit.phi, fit.source, size, tolerance), of_fit)
+            if fit.source.bump.width > limit
+            else (fit, of_fit)
+            for fit, of_fit in fits
+        ]
+        best, penalty = min(fits, key=_score)
     course = best.source.course
     if isinstance(course, Periodic) and course.harmonics > 1:
         faster, amplitudes = course.second_harmonic(best.source.amplitudes)
         source = replace(best.source, course=faster, amplitudes=amplitudes)
         fit = fit_source(null, best.phi, source, size, tolerance)
         fits.append((fit, penalty - 2 * _penalty_of_one(null)))
-    return min(fits, key=lambda pair: pair[0].cost + pair[1])
+    return min(fits, key=_score)
+
+
+def _score(fitted: tuple[SourceFit, float]) -> float:
+    """Return F plus the penalty."""
+    return fitted[0].cost + fitted[1]
 
 
 def _penalty_of_one(null: LeastSquaresProblem) -> float:

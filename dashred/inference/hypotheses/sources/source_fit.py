@@ -18,13 +18,11 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem, NormalEquat
 from dashred.inference.fit.noise_model import NoiseModel
 from dashred.inference.forward.forcing_block import ForcingBlock
 from dashred.inference.hypotheses.sources.courses import slopes
-from dashred.inference.hypotheses.sources.screening import Source, widest_bump
+from dashred.inference.hypotheses.sources.screening import Source
 from dashred.physics.forcing_basis import ForcingBasis, knots_over
 from dashred.physics.system import System
 
 ROUNDS, TOLERANCE = 12, 1e-3
-# A fit ends when its bump is wider than this multiple of the widest one: it is no longer local.
-LARGEST_WIDTH_RATIO = 3.0
 # Shares of a step that are tried, and the largest step of ln w.
 SHARES, LOG_WIDTH_STEP = (1.0, 0.5, 0.2, 0.05), 0.5
 # Smallest width, in grid points: the simulator does not resolve a narrower bump.
@@ -75,10 +73,9 @@ def fit_source(
     source: Source,
     size: Tensor,
     tolerance: float = TOLERANCE,
+    largest_width: float = math.inf,
 ) -> SourceFit:
     """Fit a source together with the start and a law.
-
-    The fit of a source that turns out to act everywhere ends before its minimum.
 
     Args:
         base: F of the start and the law.
@@ -86,6 +83,7 @@ def fit_source(
         source: the source at which the fit begins.
         size: rms of each equation's own tendency, ``(equation,)``.
         tolerance: the fit ends at a step that lowers F by a smaller share.
+        largest_width: the fit also ends, before its minimum, when the bump is wider.
     """
     problem = _SourceProblem(base, size)
     point = problem.at(phi, source)
@@ -101,7 +99,7 @@ def fit_source(
             if trial.cost < point.cost:
                 point = trial
                 break
-        is_wide = point.source.bump.width > LARGEST_WIDTH_RATIO * widest_bump(problem.system)
+        is_wide = point.source.bump.width > largest_width
         if is_wide or before - point.cost < tolerance * point.cost:
             break
     objective = problem.objective(point.source)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import product
 
 import torch
 
@@ -22,6 +24,8 @@ from dashred.pipeline.problem import Problem
 
 # Number of the best laws that are selected from again over a longer part of the record.
 LAWS_AGAIN = 6
+# Share of the first samples that is fitted if no first guess explains all of them.
+FEWER = 0.5
 
 
 def fit_from_first_guesses(
@@ -34,7 +38,8 @@ def fit_from_first_guesses(
     """Extend the horizon from each first guess until one of them reaches the end of the record.
 
     A first guess with few modes may have a small error and still be unable to fit the first samples
-    to the noise, whatever the law. Such a guess is tried after the others.
+    to the noise, whatever the law. Such a guess is tried after the others. If no guess can, fewer
+    first samples are fitted, whose misfit has fewer false minima.
 
     Args:
         problem: recording and settings.
@@ -50,12 +55,12 @@ def fit_from_first_guesses(
     limits = torch.tensor([c.limit for c in candidates], dtype=torch.float64)
     deadline = problem.deadline("grow the horizon")
 
-    def fit_first(guess: FittedGuess) -> HorizonState:
+    def fit_first(guess: FittedGuess, share: float) -> HorizonState:
         objective = build_least_squares(problem, simulator, guess.start, candidates, settings.tight)
         tight = torch.minimum(objective.prior_std, limits)
         objective = replace(objective, prior_std=tight, deadline=deadline)
-        initial, samples = objective.embed(guess.z, []), first_samples(objective)
-        return fit_first_horizon(objective, initial, samples, settings.walking)
+        samples = math.ceil(share * first_samples(objective))
+        return fit_first_horizon(objective, objective.embed(guess.z, []), samples, settings.walking)
 
     best: tuple[FittedGuess, HorizonFit] | None = None
     for guess, first in explaining_guesses_first(guesses, fit_first, deadline):
@@ -72,24 +77,30 @@ def fit_from_first_guesses(
 
 def explaining_guesses_first(
     guesses: Sequence[FittedGuess],
-    fit_first: Callable[[FittedGuess], HorizonState],
+    fit_first: Callable[[FittedGuess, float], HorizonState],
     deadline: Deadline,
 ) -> Iterator[tuple[FittedGuess, HorizonState]]:
     """Yield guesses and their fits of the first samples; those that explain them come first.
 
-    The order is otherwise that of the argument. A guess is fitted when it is needed. After the
-    deadline no further one is fitted while another one is left.
+    Fits of fewer samples follow, if they explain these, and then the others by their misfits. A
+    guess is fitted when it is needed. After the deadline no further one is fitted while another one
+    is left.
+
+    Args:
+        guesses: fitted first guesses, the best first.
+        fit_first: fits a share of the first samples from a guess.
+        deadline: of the growing horizon.
     """
     others: list[tuple[FittedGuess, HorizonState]] = []
-    for guess in guesses:
+    for share, guess in product((1.0, FEWER), guesses):
         if others and deadline.is_over:
             break
-        first = fit_first(guess)
+        first = fit_first(guess, share)
         if first.explains_first_samples:
             yield guess, first
-        else:
+        elif share == 1.0:
             others.append((guess, first))
-    yield from others
+    yield from sorted(others, key=lambda pair: pair[1].misfit_of_first_samples)
 
 
 def selection_prior(tight: float, weak: float, horizon: HorizonFit) -> float:

@@ -99,6 +99,14 @@ def test_without_a_gain_some_sets_are_returned(value: float) -> None:
     assert best_subsets(nothing, 3, 8).shape == (8, 3)
 
 
+def test_more_candidates_than_sets_that_are_solved_for_at_once() -> None:
+    generator = torch.Generator().manual_seed(16)
+    columns = torch.randn(SAMPLES, 501, generator=generator, dtype=torch.float64)
+    problem = problem_of(columns, 2 * columns[:, 7] + columns[:, 500])
+    assert best_subsets(problem, 1, 1).tolist() == [[7]]
+    assert best_subsets(problem, 2, 1).tolist() == [[7, 500]]
+
+
 def test_more_sets_than_there_are() -> None:
     problem = correlated_problem(6, 15)
     sets, _ = all_sets(problem, 2)

@@ -112,17 +112,20 @@ def test_the_backward_path_is_nested_and_drops_the_least_needed(
     assert backward_path(problem, 2) == path[-2:]
 
 
-@pytest.mark.parametrize("collinear", [1e4, 0.0])
+@pytest.mark.parametrize("decrease", [1e4, 0.0])
 def test_updated_inverses_give_the_path_of_fresh_ones(
-    collinear: float, monkeypatch: pytest.MonkeyPatch
+    decrease: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     columns = draw(SAMPLES, 30, seed=6) + draw(SAMPLES, 1, seed=7)
     columns[:, 20:] = columns[:, :10] + 10.0 ** -torch.arange(10.0).double() * columns[:, 20:]
+    # Collinear in stages: each column that is dropped takes a part of the small difference.
+    small = torch.tensor([0.1, 1e-3, 1e-5], dtype=torch.float64)
+    columns[:, 13] = columns[:, 10] + columns[:, [11, 12, 14]] @ small
     goal = columns[:, [0, 4, 9, 12]].sum(dim=1) + draw(SAMPLES, seed=8)
     problem = ProfiledProblem(
         columns.T @ columns, columns.T @ goal, float(goal @ goal), torch.full((30,), 1e-3).double()
     )
-    monkeypatch.setattr("dashred.inference.fit.selection.subset_search.COLLINEAR", collinear)
+    monkeypatch.setattr("dashred.inference.fit.selection.subset_search.LARGEST_DECREASE", decrease)
     path = backward_path(problem, 6)
     remaining = list(range(30))
     while len(remaining) > 1:

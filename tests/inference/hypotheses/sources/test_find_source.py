@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import torch
@@ -16,10 +18,11 @@ from dashred.inference.hypotheses.sources.bump import Bump
 from dashred.inference.hypotheses.sources.courses import Constant
 from dashred.inference.hypotheses.sources.find_source import (
     FoundSource,
+    _best_fit,
     find_source,
     rival_score,
 )
-from dashred.inference.hypotheses.sources.screening import Source, widest_bump
+from dashred.inference.hypotheses.sources.screening import ScreenedSource, Source, widest_bump
 from dashred.inference.hypotheses.sources.source_law import fit_source_law, locate_source
 from tests.channel import Channel, fitted
 
@@ -112,22 +115,40 @@ def test_a_force_everywhere_is_no_localised_source(channel: Channel, text: str) 
     assert find_source(null, phi, forcing, channel.size, 4) is None
 
 
-def test_the_fit_of_a_source_that_acts_everywhere_ends_early(
-    channel: Channel, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_fit_ends_when_its_bump_is_too_wide(channel: Channel) -> None:
     null = channel.objective(channel.recorded([("1", 0.1)]))
-    phi, begin = fitted(null), Bump((PLACE,), WIDTH)
-    source = Source(0, begin, Constant(), torch.zeros(1, dtype=torch.float64))
+    source = Source(0, Bump((PLACE,), WIDTH), Constant(), torch.zeros(1, dtype=torch.float64))
 
-    widest, limit = widest_bump(channel.system), source_fit.LARGEST_WIDTH_RATIO
-
-    def fit(ratio: float) -> tuple[float, int]:
-        monkeypatch.setattr(f"{source_fit.__name__}.LARGEST_WIDTH_RATIO", ratio)
+    def fit(largest_width: float) -> tuple[float, int]:
         before = work_done().get(COLUMN_STEPS, 0)
-        width = source_fit.fit_source(null, phi, source, channel.size).source.bump.width
+        known = null, fitted(null), source, channel.size, source_fit.TOLERANCE
+        width = source_fit.fit_source(*known, largest_width).source.bump.width
         return width, work_done()[COLUMN_STEPS] - before
 
+    limit = 3 * widest_bump(channel.system)
     to_the_end, all_columns = fit(math.inf)
     width, columns = fit(limit)
-    assert to_the_end > width > limit * widest
+    assert to_the_end > width > limit
     assert columns < 0.8 * all_columns
+
+
+@pytest.mark.parametrize("local_cost", [50.0, 500.0])
+def test_a_wide_fit_goes_on_if_a_local_one_seems_better(
+    channel: Channel, local_cost: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The wide source has F = 1000 when its fit ends early, and 100 at its minimum."""
+    null = channel.objective(channel.recorded([("1", 0.1)]))
+    wide, local = (
+        Source(0, Bump((PLACE,), width), Constant(), torch.zeros(1, dtype=torch.float64))
+        for width in (8.0, WIDTH)
+    )
+
+    def fit_source(*known: Any) -> SimpleNamespace:
+        source, is_early = known[2], len(known) == 6
+        cost = local_cost if source is local else 1000.0 if is_early else 100.0
+        return SimpleNamespace(source=source, cost=cost, chi2=math.inf, phi=known[1])
+
+    monkeypatch.setattr(f"{find_source.__module__}.fit_source", fit_source)
+    screened = [ScreenedSource(source, 0.0, 0.0) for source in (wide, local)]
+    found, _ = _best_fit(null, fitted(null), screened, channel.size, 0.01)
+    assert found.source is (local if local_cost < 100 else wide)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
+from itertools import islice
+from types import SimpleNamespace
+from typing import NamedTuple, cast
 
 import pytest
 import torch
@@ -61,11 +65,12 @@ class Guesses:
         """Std of each trace."""
         return self.recorded.std(dim=0)
 
-    def fit_first(self, guess: FittedGuess) -> HorizonState:
-        """Fit the first samples from one guess."""
-        self.fitted.append(guess.name)
+    def fit_first(self, guess: FittedGuess, share: float) -> HorizonState:
+        """Fit a share of the first samples from one guess."""
+        self.fitted.append(guess.name if share == 1 else f"{guess.name}, {share:g}")
         problem: LeastSquaresProblem = self.objective.with_start(guess.start)
-        return fit_first_horizon(problem, problem.embed(guess.z, []), SAMPLES, len(FORCES))
+        samples = math.ceil(share * SAMPLES)
+        return fit_first_horizon(problem, problem.embed(guess.z, []), samples, len(FORCES))
 
 
 @pytest.fixture(scope="module")
@@ -82,8 +87,9 @@ def test_a_guess_that_cannot_explain_the_first_samples_is_tried_last(
     made, confined, free = guesses
     made.fitted.clear()
     found = explaining_guesses_first([confined, free], made.fit_first, NEVER)
-    assert [guess.name for guess, _ in found] == ["free", "confined"]
+    assert [guess.name for guess, _ in islice(found, 1)] == ["free"]
     assert made.fitted == ["confined", "free"]
+    assert [guess.name for guess, _ in found][-1] == "confined"
 
 
 def test_no_further_guess_is_fitted_once_one_explains_the_first_samples(
@@ -96,15 +102,36 @@ def test_no_further_guess_is_fitted_once_one_explains_the_first_samples(
     assert made.fitted == ["free"]
 
 
-def test_the_order_stays_if_no_guess_explains_the_first_samples(
+class Misfits(NamedTuple):
+    """The misfits of the fits from first guesses, by name and share of the first samples."""
+
+    by_guess: dict[tuple[str, float], float]
+
+    def fit_first(self, guess: FittedGuess, share: float) -> HorizonState:
+        """Return a fit with the misfit."""
+        empty = torch.zeros(0)
+        level = 6, self.by_guess[guess.name, share]
+        objective = cast(LeastSquaresProblem, SimpleNamespace(prior_std=empty))
+        return HorizonState(objective, empty, 6, (), levels=[level])
+
+
+def test_fewer_samples_are_fitted_if_no_guess_explains_the_first_ones(
     guesses: tuple[Guesses, FittedGuess, FittedGuess],
 ) -> None:
-    made, confined, _ = guesses
-    other = replace(confined, name="other")
-    for order in ([confined, other], [other, confined]):
-        found = [*explaining_guesses_first(order, made.fit_first, NEVER)]
-        assert [guess for guess, _ in found] == order
-        assert not any(first.explains_first_samples for _, first in found)
+    first, second, third = (replace(guesses[1], name=name) for name in ("1", "2", "3"))
+    misfits = Misfits(
+        {
+            ("1", 1.0): 40.0,
+            ("2", 1.0): math.nan,
+            ("3", 1.0): 7.0,
+            ("1", 0.5): 5.0,
+            ("2", 0.5): 0.9,
+            ("3", 0.5): math.nan,
+        }
+    )
+    found = [*explaining_guesses_first([first, second, third], misfits.fit_first, NEVER)]
+    order = [(guess.name, state.misfit_of_first_samples) for guess, state in found]
+    assert order == [("2", 0.9), ("3", 7.0), ("1", 40.0), ("2", math.inf)]
 
 
 def test_at_the_deadline_one_guess_is_left(
