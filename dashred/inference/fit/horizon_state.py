@@ -64,8 +64,9 @@ class HorizonState:
 
     @property
     def explains_first_samples(self) -> bool:
-        """Whether the fit of the first samples leaves no more than noise may."""
-        return self.misfit_of_first_samples <= EXPLAINED
+        """Whether there are first samples, and their fit leaves no more than noise may."""
+        is_read = self.objective.noise.truncate(self.levels[0][0]).count > 0
+        return is_read and self.misfit_of_first_samples <= EXPLAINED
 
     @property
     def widened(self) -> tuple[int, ...]:

@@ -15,11 +15,10 @@ from dashred.inference.streaming.readout import Readout
 
 Array = NDArray[np.float64]
 
-# Numbers of steps in an interval between samples that are tried, in turn; on how many states, and
-# beside how many of these errors must not grow.
+# Numbers of steps in an interval between samples that are tried, in turn; of states on which they
+# are tried; and of states near which errors must not grow.
 STEPS, STATES, STABLE = (1, 2, 3, 4, 6, 8), 8, 3
-# The limit of the change of a field, as a share of its standard deviation, is this times that of
-# the change of a reading in σ.
+# Limit of the change of a field, in its standard deviations, for each σ of the limit of a reading.
 FIELD_SHARE = 0.02
 
 

@@ -70,7 +70,7 @@ def test_a_forecast_changes_by_less_than_the_tolerance(march: March, states: Arr
     longer = march.with_step(SPAN / max(n for n in STEPS if n < count))
     of_readings, of_field = sizes(change(longer, march, states[::2]), march)
     limit = FIELD_SHARE * tolerance * states.std()
-    assert of_readings > tolerance * sigma / 1.5 or of_field > limit / 1.5
+    assert of_readings > tolerance * sigma or of_field > 0.9 * limit
 
 
 def test_without_a_tolerance_the_step_is_that_of_the_simulator(march: March, states: Array) -> None:

@@ -6,7 +6,7 @@ semidefinite (Schur complement). For pairs this is so where a 2 × 2 minor of th
 ``M = A - b bᵀ / t`` is negative, because M has at most one negative eigenvalue. For three
 candidates, one of them, i, is eliminated first:
 
-    M = A - u uᵀ - a aᵀ / (t - b_i² / A_ii),   u = A_i / √A_ii,   a = b - u b_i / √A_ii.
+    M' = A - u uᵀ - a aᵀ / (t - b_i² / A_ii),   u = A_i / √A_ii,   a = b - u b_i / √A_ii.
 
 The limit t is the gain of the worst set that is still kept, which is at least the gain of every
 single candidate. Only sets above it are solved for.

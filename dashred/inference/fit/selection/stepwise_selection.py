@@ -210,9 +210,9 @@ class _Search:
         A set of many wrong terms can be better than a true law whose fit is stuck.
         """
         best = self.best
-        rivals = self._rivals(best)
-        # The last one of a size in reversed order is the best one.
-        by_size = {len(rival.members): rival for rival in reversed(rivals)}
+        by_size: dict[int, RefittedSet] = {}
+        for rival in self._rivals(best):
+            by_size.setdefault(len(rival.members), rival)
         smaller = [rival for size, rival in by_size.items() if size < len(best.members)]
         self._refit_with_own_jacobians(smaller, best)
 

@@ -26,8 +26,8 @@ CHUNK = 20000
 # Added to the diagonal of a matrix whose diagonal is 1.
 RIDGE = 1e-10
 # The inverse is updated when a candidate is dropped. Where an element of its diagonal has become
-# smaller by this factor, the candidate was nearly collinear with dropped ones, and too many digits
-# are lost: the inverse is computed again.
+# smaller by this factor, the candidate of that element was nearly collinear with dropped ones, and
+# too many digits are lost: the inverse is computed again.
 LARGEST_DECREASE = 1e4
 # The effects of candidates are compared up to this factor times the horizon.
 LOOKAHEAD = 3

@@ -32,8 +32,8 @@ MIN_SCREENED_SHARE, MIN_EXPLAINED_SHARE = 0.5, 0.9
 # A kind of source is fitted if it explains at most this share of the misfit less than the best. Its
 # fit may lower the score, because the mesh is coarser than a bump.
 NEAR = 0.05
-# The first fit of a source ends when its bump is wider than this multiple of the widest one. It is
-# then hardly local, and each further step takes a Jacobian.
+# The first fit of a source ends when its bump is wider than this multiple of the widest local bump.
+# Such a source is hardly local, and each further step takes a Jacobian.
 LARGEST_WIDTH_RATIO = 3.0
 
 
@@ -144,8 +144,8 @@ def _best_fit(
 ) -> tuple[SourceFit, float]:
     """Return the fit of the best source and its penalty; the plainest courses are fitted first.
 
-    No further course is fitted if one explains the recording. Fits that ended with a wide bump go
-    on if the best one is local, which they might be better than.
+    No further course is fitted if one explains the recording. If the best fit is local and does not
+    explain it, the fits that ended with a wide bump go on, because they might become better.
     """
     widest = widest_bump(null.forward_model.simulator.system)
     limit = LARGEST_WIDTH_RATIO * widest
@@ -155,7 +155,9 @@ def _best_fit(
         if fits[-1][0].chi2 < MAX_EXPLAINED_CHI2 * null.noise.count:
             break
     best, penalty = min(fits, key=_score)
-    if best.source.bump.width <= widest:
+    is_explained = best.chi2 < MAX_EXPLAINED_CHI2 * null.noise.count
+    is_local = best.source.bump.width <= widest
+    if is_local and not is_explained:
         fits = [
             (fit_source(null, fit.phi, fit.source, size, tolerance), of_fit)
             if fit.source.bump.width > limit
@@ -167,7 +169,8 @@ def _best_fit(
     if isinstance(course, Periodic) and course.harmonics > 1:
         faster, amplitudes = course.second_harmonic(best.source.amplitudes)
         source = replace(best.source, course=faster, amplitudes=amplitudes)
-        fit = fit_source(null, best.phi, source, size, tolerance)
+        largest = math.inf if is_local else limit
+        fit = fit_source(null, best.phi, source, size, tolerance, largest)
         fits.append((fit, penalty - 2 * _penalty_of_one(null)))
     return min(fits, key=_score)
 

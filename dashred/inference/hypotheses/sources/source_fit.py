@@ -83,7 +83,7 @@ def fit_source(
         source: the source at which the fit begins.
         size: rms of each equation's own tendency, ``(equation,)``.
         tolerance: the fit ends at a step that lowers F by a smaller share.
-        largest_width: the fit also ends, before its minimum, when the bump is wider.
+        largest_width: the fit also ends, before its minimum, when the bump is wider than this.
     """
     problem = _SourceProblem(base, size)
     point = problem.at(phi, source)

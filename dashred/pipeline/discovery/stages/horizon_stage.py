@@ -82,9 +82,9 @@ def explaining_guesses_first(
 ) -> Iterator[tuple[FittedGuess, HorizonState]]:
     """Yield guesses and their fits of the first samples; those that explain them come first.
 
-    Fits of fewer samples follow, if they explain these, and then the others by their misfits. A
-    guess is fitted when it is needed. After the deadline no further one is fitted while another one
-    is left.
+    If none explains them, guesses follow whose fits of fewer samples explain these. In the end come
+    the fits of all first samples that did not explain them, by their misfits. A guess is fitted
+    when it is needed. After the deadline no further one is fitted while another one is left.
 
     Args:
         guesses: fitted first guesses, the best first.
@@ -93,7 +93,8 @@ def explaining_guesses_first(
     """
     others: list[tuple[FittedGuess, HorizonState]] = []
     for share, guess in product((1.0, FEWER), guesses):
-        if others and deadline.is_over:
+        is_needed = share == 1.0 or len(others) == len(guesses)
+        if not is_needed or (others and deadline.is_over):
             break
         first = fit_first(guess, share)
         if first.explains_first_samples:

@@ -132,23 +132,27 @@ def test_a_fit_ends_when_its_bump_is_too_wide(channel: Channel) -> None:
     assert columns < 0.8 * all_columns
 
 
-@pytest.mark.parametrize("local_cost", [50.0, 500.0])
+@pytest.mark.parametrize("local_cost", [50.0, 500.0, 2000.0])
 def test_a_wide_fit_goes_on_if_a_local_one_seems_better(
     channel: Channel, local_cost: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The wide source has F = 1000 when its fit ends early, and 100 at its minimum."""
+    fitted_to_the_end: list[bool] = []
     null = channel.objective(channel.recorded([("1", 0.1)]))
     wide, local = (
         Source(0, Bump((PLACE,), width), Constant(), torch.zeros(1, dtype=torch.float64))
         for width in (8.0, WIDTH)
     )
 
-    def fit_source(*known: Any) -> SimpleNamespace:
-        source, is_early = known[2], len(known) == 6
-        cost = local_cost if source is local else 1000.0 if is_early else 100.0
-        return SimpleNamespace(source=source, cost=cost, chi2=math.inf, phi=known[1])
+    def fit_source(
+        null: Any, phi: Any, source: Source, size: Any, tolerance: float, largest: float = math.inf
+    ) -> SimpleNamespace:
+        fitted_to_the_end.append(source is wide and largest == math.inf)
+        cost = local_cost if source is local else 100.0 if largest == math.inf else 1000.0
+        return SimpleNamespace(source=source, cost=cost, chi2=math.inf, phi=phi)
 
     monkeypatch.setattr(f"{find_source.__module__}.fit_source", fit_source)
     screened = [ScreenedSource(source, 0.0, 0.0) for source in (wide, local)]
     found, _ = _best_fit(null, fitted(null), screened, channel.size, 0.01)
     assert found.source is (local if local_cost < 100 else wide)
+    assert any(fitted_to_the_end) == (local_cost < 1000)
