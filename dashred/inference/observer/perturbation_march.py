@@ -80,12 +80,12 @@ def perturbation_step(march: March, states: Array, begin: float, span: float) ->
         return None
     pairs = states[: 2 * min(PAIRS, len(states) // 2)]
     fields, exact = len(march.system.fields), _differences(march, pairs, begin, span)
-    size = _squares(exact, fields)
+    size = mean_squares(exact, fields)
     for count in STEPS:
         coarse = march.with_step(span / count)
         if coarse.system.dt <= 1.5 * march.system.dt:
             break
-        errors = _squares(_differences(coarse, pairs, begin, span) - exact, fields)
+        errors = mean_squares(_differences(coarse, pairs, begin, span) - exact, fields)
         # This is also false for runs that have blown up.
         is_accurate = (errors <= TOLERANCE**2 * size).all()
         if is_accurate and is_stable_for_long(coarse, states[:1], begin, span):
@@ -115,7 +115,7 @@ def _differences(march: March, pairs: Array, begin: float, span: float) -> Array
     return found
 
 
-def _squares(values: Array, fields: int) -> Array:
+def mean_squares(values: Array, fields: int) -> Array:
     """Return the mean square of each field, ``(field,)``."""
     found: Array = np.square(values).reshape(len(values), fields, -1).mean(axis=(0, 2))
     return found

@@ -10,14 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dashred.inference.observer.march import March
-from dashred.inference.observer.perturbation_march import is_stable_for_long
+from dashred.inference.observer.perturbation_march import (
+    STEPS,
+    is_stable_for_long,
+    mean_squares,
+)
 from dashred.inference.streaming.readout import Readout
 
 Array = NDArray[np.float64]
 
-# Numbers of steps in an interval between samples that are tried, in turn; of states on which they
-# are tried; and of states near which errors must not grow.
-STEPS, STATES, STABLE = (1, 2, 3, 4, 6, 8), 8, 3
+# Numbers of states on which steps are tried, and near which errors must not grow.
+STATES, STABLE = 8, 3
 # Limit of the change of a field, in its standard deviations, for each σ of the limit of a reading.
 FIELD_SHARE = 0.02
 
@@ -49,7 +52,8 @@ def with_longest_step(
     exact = march(tried, march.begin, span)
     if not np.isfinite(exact).all():
         return march
-    size = _by_field(states - states.mean(axis=0), march)
+    fields, beside = len(march.system.fields), _spread(states, STABLE)
+    size = np.sqrt(mean_squares(states - states.mean(axis=0), fields))
     for count in STEPS:
         coarse = march.with_step(interval / count)
         if coarse.system.dt <= march.system.dt:
@@ -62,8 +66,7 @@ def with_longest_step(
         readings = (readout(rough, end) - readout(exact, end))[:, : len(noise)]
         of_readings = np.sqrt(np.square(readings).mean(axis=0))
         is_accurate = (of_readings <= tolerance * noise).all()
-        is_accurate &= (_by_field(change, march) <= limits).all()
-        beside = _spread(states, STABLE)
+        is_accurate &= (np.sqrt(mean_squares(change, fields)) <= limits).all()
         if is_accurate and is_stable_for_long(coarse, beside, march.begin, interval):
             return coarse
     return march
@@ -72,10 +75,3 @@ def with_longest_step(
 def _spread(states: Array, count: int) -> Array:
     """Return some states from all parts, ``(count, field*point)``."""
     return states[np.linspace(0, len(states) - 1, count).astype(np.intp)]
-
-
-def _by_field(values: Array, march: March) -> Array:
-    """Return the root mean square of each field, ``(field,)``."""
-    fields = len(march.system.fields)
-    found: Array = np.sqrt(np.square(values).reshape(len(values), fields, -1).mean(axis=(0, 2)))
-    return found

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from dashred.data.sensors import Sensor
 from dashred.inference.observer.march import March
-from dashred.inference.streaming.forecast_step import FIELD_SHARE, STEPS, with_longest_step
+from dashred.inference.observer.perturbation_march import STEPS
+from dashred.inference.streaming.forecast_step import FIELD_SHARE, with_longest_step
 from dashred.inference.streaming.live_estimator import LiveSettings
 from dashred.inference.streaming.live_observer import LiveObserver
 from dashred.inference.streaming.readout import Readout
