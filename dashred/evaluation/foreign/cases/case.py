@@ -80,6 +80,19 @@ class TrueTerm:
 
 
 @dataclass(frozen=True)
+class LaterStates:
+    """States a short time after all times of a recording but the last.
+
+    Attributes:
+        interval: the short time.
+        states: without noise, on the simulator's grid, ``(time - 1, field, *grid)``.
+    """
+
+    interval: float
+    states: Array
+
+
+@dataclass(frozen=True)
 class Truth:
     """The truth of a case.
 
@@ -93,6 +106,7 @@ class Truth:
         region: ``(from, to)`` along the first axis; a region across the seam has from > to.
         period: of a source that pulsates.
         sensor: the sensor that errs.
+        later: for the methods that are given pairs of states; None where there are none.
     """
 
     kind: Kind
@@ -104,6 +118,7 @@ class Truth:
     region: tuple[float, float] | None = None
     period: float | None = None
     sensor: str | None = None
+    later: LaterStates | None = None
 
 
 @dataclass(frozen=True)

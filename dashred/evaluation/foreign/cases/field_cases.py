@@ -7,9 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from dashred.evaluation.foreign.cases.case import Array, Case, MadeCase, Sensor, Truth
+from dashred.evaluation.foreign.cases.case import (
+    Array,
+    Case,
+    LaterStates,
+    MadeCase,
+    Sensor,
+    Truth,
+)
 from dashred.evaluation.foreign.cases.field_equations import FIELD_EQUATIONS, FieldEquation
-from dashred.evaluation.foreign.cases.field_solver import FieldSolver
+from dashred.evaluation.foreign.cases.field_solver import FieldSolver, Texts
 from dashred.evaluation.foreign.cases.fitted_sensors import fitted_sensors
 from dashred.evaluation.foreign.cases.hidden_in_fields import (
     Hidden,
@@ -54,7 +61,7 @@ def make_case_of_equation(case: Case, equation: FieldEquation) -> MadeCase:
     start = stated + _start_error(solver, stated, case.stream("start"))
     hidden = _hidden(case, solver, start)
     times = np.linspace(0, equation.duration, equation.samples)
-    states = solver.integrate(all_terms(equation, hidden), start, times)
+    states, later = _integrate(solver, all_terms(equation, hidden), start, times)
     missing = solver.tendency(hidden.texts)
     lacking = np.stack([missing(t, state) for t, state in zip(times, states, strict=True)])
     sensors = _place_sensors(equation, case.stream("sensors"))
@@ -74,8 +81,21 @@ def make_case_of_equation(case: Case, equation: FieldEquation) -> MadeCase:
             region=hidden.region,
             period=hidden.period,
             sensor=erring,
+            later=later,
         ),
     )
+
+
+def _integrate(
+    solver: FieldSolver, texts: Texts, start: Array, times: Array
+) -> tuple[Array, LaterStates | None]:
+    """Return the states ``(time, field, *cells)``, and those a pair interval later."""
+    interval = solver.equation.pair_interval
+    if interval is None:
+        return solver.integrate(texts, start, times), None
+    both = np.column_stack([times, times + interval]).ravel()[:-1]
+    states = solver.integrate(texts, start, both)
+    return states[::2], LaterStates(interval, solver.on_points(states[1::2]))
 
 
 def _with_drawn_parameters(equation: FieldEquation, rng: np.random.Generator) -> FieldEquation:

@@ -28,6 +28,7 @@ class FieldEquation:
         let: definitions by name, as in a configuration.
         stiff: whether the truth needs an implicit solver.
         library: candidate terms by equation; None for the default.
+        pair_interval: time between the two states of a pair, for the methods that are given pairs.
     """
 
     title: str
@@ -46,6 +47,7 @@ class FieldEquation:
     let: Mapping[str, str] = field(default_factory=dict)
     stiff: bool = True
     library: Mapping[str, tuple[str, ...]] | None = None
+    pair_interval: float | None = None
 
 
 _PULSES = "exp(6*(cos(2*pi*(x - 4)/12) - 1))"

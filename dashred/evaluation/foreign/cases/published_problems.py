@@ -54,6 +54,8 @@ LORENZ_PROBLEMS = {
 
 _ADVECTION, _GROWTH, _DAMPING = "-u*d(u, x)", "-lap(u)", "-lap(lap(u))"
 KS_NOISE = 0.01
+# Five steps of 0.001, as in the public code of the paper.
+KS_PAIR_INTERVAL = 0.005
 
 
 def _ks(number: int, left_out: str, known: tuple[str, ...]) -> FieldEquation:
@@ -75,6 +77,7 @@ def _ks(number: int, left_out: str, known: tuple[str, ...]) -> FieldEquation:
         samples=101,
         sensors=48,
         step=0.05,
+        pair_interval=KS_PAIR_INTERVAL,
     )
 
 

@@ -40,9 +40,7 @@ def ask_peers(case: Case, made: MadeCase, limit: float) -> dict[str, PeerRow]:
         folder = Path(name)
         write_case(folder, made)
         axes = len(made.system.get("axes", {}))
-        write_full_state(
-            folder, made.truth.times, made.truth.states, case.noise, case.analysis_seed
-        )
+        write_full_state(folder, made.truth, case.noise, case.analysis_seed)
         write_true_form(folder, made.truth)
         asked = asked_about(axes, made.truth)
         return {method: _ask(method, folder, made, limit) for method in asked}

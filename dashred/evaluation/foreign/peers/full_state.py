@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from dashred.config import load_config
-from dashred.evaluation.foreign.cases.case import Array
+from dashred.evaluation.foreign.cases.case import Array, LaterStates, Truth
 from dashred.evaluation.foreign.cases.case_files import CONFIG, read_simulator
 from dashred.physics.system import System, Term
 from dashred.physics.terms.library import build_library
@@ -28,6 +29,7 @@ class FullState:
         states: without noise, ``(time, field, *grid)``.
         noise: std of the noise as a share of that of each field.
         seed: of the noise and of the method.
+        later: states a short time later, without noise, for the methods that are given pairs.
     """
 
     system: System
@@ -36,6 +38,7 @@ class FullState:
     states: Array
     noise: float
     seed: int
+    later: LaterStates | None = None
 
     @property
     def std(self) -> Array:
@@ -50,15 +53,26 @@ class FullState:
         return self.states + self.noise * self.std * rng.standard_normal(self.states.shape)
 
 
-def write_full_state(folder: Path, times: Array, states: Array, noise: float, seed: int) -> None:
+def write_full_state(folder: Path, truth: Truth, noise: float, seed: int) -> None:
     """Write the states of a case, beside its configuration."""
-    np.savez(folder / FULL, times=times, states=states, noise=noise, seed=seed)
+    stored: dict[str, Any] = {
+        "times": truth.times,
+        "states": truth.states,
+        "noise": noise,
+        "seed": seed,
+    }
+    if truth.later is not None:
+        stored |= {"later": truth.later.states, "interval": truth.later.interval}
+    np.savez(folder / FULL, **stored)
 
 
 def read_full_state(folder: Path) -> FullState:
     """Read the states and the simulator of a case."""
     config, system = load_config([f"conf={folder / CONFIG}"], entry="train"), read_simulator(folder)
     with np.load(folder / FULL) as stored:
+        later = None
+        if "later" in stored:
+            later = LaterStates(float(stored["interval"]), stored["later"])
         return FullState(
             system,
             build_library(system, config.library),
@@ -66,4 +80,5 @@ def read_full_state(folder: Path) -> FullState:
             stored["states"],
             float(stored["noise"]),
             int(stored["seed"]),
+            later,
         )

@@ -8,11 +8,12 @@ from typing import Literal
 
 from dashred.evaluation.foreign.cases.case import Kind, Truth
 
-Given = Literal["form", "full state", "window", "past"]
+Given = Literal["form", "full state", "pairs", "window", "past"]
 GIVEN: dict[Given, str] = {
     "window": "the sensors, all samples at once",
     "past": "the sensors, sample by sample",
     "full state": "the full state with noise",
+    "pairs": "pairs of full states with noise, a short time apart",
     "form": "the sensors and the true terms, without their coefficients",
 }
 
@@ -53,6 +54,10 @@ PEERS: dict[str, Method] = {
     "ensemble_sindy": Method("PySINDy, ensemble", "full state", ("pysindy",)),
     "weak_pde": Method("PDE-FIND, weak form", "full state", ("pysindy",)),
     "pde_find": Method("PDE-FIND", "full state", ("pysindy",)),
+    "model_error": Method("MEDIDA", "pairs", ("scikit-learn",)),
+    "model_error_exact": Method(
+        "MEDIDA, without noise in the second state", "pairs", ("scikit-learn",)
+    ),
     "oracle": Method("oracle: least squares by SciPy", "form", ("scipy",)),
 }
 # By the number of axes.
@@ -64,6 +69,8 @@ ASKED: dict[int, tuple[str, ...]] = {
     1: ("weak_pde", "pde_find", "filter"),
     2: ("pde_find", "filter"),
 }
+# Where there are pairs of states.
+ASKED_ABOUT_PAIRS = ("model_error", "model_error_exact")
 # They can only name a law, or none.
 KINDS: tuple[Kind, ...] = ("term", "nothing")
 
@@ -73,7 +80,8 @@ def asked_about(axes: int, truth: Truth) -> tuple[str, ...]:
 
     One that is told the true terms has no question to answer where there are none.
     """
-    return tuple(name for name in ASKED[axes] if PEERS[name].given != "form" or truth.terms)
+    asked = tuple(name for name in ASKED[axes] if PEERS[name].given != "form" or truth.terms)
+    return asked if truth.later is None else asked + ASKED_ABOUT_PAIRS
 
 
 def versions_of(name: str) -> dict[str, str]:

@@ -4,18 +4,32 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dashred.core.errors import DONE, OUR_FAILURE
-from dashred.evaluation.foreign.cases.case import Case, MadeCase, Sensor, TrueTerm, Truth
+from dashred.evaluation.foreign.cases.case import (
+    Case,
+    LaterStates,
+    MadeCase,
+    Sensor,
+    TrueTerm,
+    Truth,
+)
 from dashred.evaluation.foreign.cases.case_files import read_simulator, write_case
 from dashred.evaluation.foreign.peers.ask import ask_peers
 from dashred.evaluation.foreign.peers.full_state import write_full_state
 from dashred.evaluation.foreign.peers.measured import read_measured
-from dashred.evaluation.foreign.peers.methods import ASKED, PEERS, asked_about, versions_of
+from dashred.evaluation.foreign.peers.methods import (
+    ASKED,
+    ASKED_ABOUT_PAIRS,
+    PEERS,
+    asked_about,
+    versions_of,
+)
 from dashred.evaluation.foreign.peers.run import main
 from dashred.evaluation.foreign.peers.true_form import FORM, read_true_form, write_true_form
 
@@ -53,7 +67,7 @@ def folder(tmp_path: Path) -> Path:
     """Return the folder of the case, as a method finds it."""
     made = oscillator()
     write_case(tmp_path, made)
-    write_full_state(tmp_path, made.truth.times, made.truth.states, CASE.noise, 3)
+    write_full_state(tmp_path, made.truth, CASE.noise, 3)
     write_true_form(tmp_path, made.truth)
     return tmp_path
 
@@ -97,8 +111,14 @@ def test_the_method_that_is_told_the_form_is_asked_only_where_there_is_one() -> 
     truth = oscillator().truth
     assert "oracle" in asked_about(0, truth)
     assert "oracle" not in asked_about(0, replace(truth, kind="nothing", terms=()))
-    assert {name for names in ASKED.values() for name in names} == set(PEERS)
+    assert {*chain.from_iterable(ASKED.values()), *ASKED_ABOUT_PAIRS} == set(PEERS)
     assert versions_of("oracle").keys() == {"scipy"}
+
+
+def test_methods_for_pairs_are_asked_only_where_there_are_pairs() -> None:
+    truth = oscillator().truth
+    pairs = replace(truth, later=LaterStates(0.1, truth.states[:-1]))
+    assert asked_about(1, pairs) == (*asked_about(1, truth), *ASKED_ABOUT_PAIRS)
 
 
 @pytest.mark.slow
