@@ -15,7 +15,7 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forcing
 from dashred.inference.hypotheses.sources import source_fit
 from dashred.inference.hypotheses.sources.bump import Bump
-from dashred.inference.hypotheses.sources.courses import Constant, Course, Free, Periodic
+from dashred.inference.hypotheses.sources.courses import Constant, Free, Periodic
 from dashred.inference.hypotheses.sources.find_source import (
     FoundSource,
     _best_fit,
@@ -175,7 +175,7 @@ def test_further_courses_are_fitted_only_if_the_closest_one_leaves_little(
         return SimpleNamespace(source=source, cost=chi2, chi2=chi2, phi=phi)
 
     monkeypatch.setattr(f"{find_source.__module__}.fit_source", fit_source)
-    courses: tuple[Course, ...] = (Constant(), Periodic(1.0, 1, 5.0), free)
+    courses = (Constant(), Periodic(1.0, 1, 5.0), free)
     bump, amplitudes = Bump((PLACE,), WIDTH), torch.zeros(1, dtype=torch.float64)
     screened = [
         ScreenedSource(Source(0, bump, course, amplitudes), penalty, score)
