@@ -35,8 +35,6 @@ NEAR = 0.05
 # The first fit of a source ends when its bump is wider than this multiple of the widest local bump.
 # Such a source is hardly local, and each further step takes a Jacobian.
 LARGEST_WIDTH_RATIO = 3.0
-# If the course that explains most on the mesh leaves a larger χ²/n, no other course is fitted.
-HOPELESS_CHI2 = 5.0
 
 
 @dataclass(frozen=True)
@@ -144,27 +142,20 @@ def _best_fit(
     size: Tensor,
     tolerance: float,
 ) -> tuple[SourceFit, float]:
-    """Return the fit of the best source and its penalty.
+    """Return the fit of the best source and its penalty; the plainest courses are fitted first.
 
-    The plainest course is fitted first, and then the one that explains most on the mesh. No further
-    course is fitted if one explains the recording, or if the latter leaves much more than noise. If
-    the best fit is local and does not explain the recording, the fits that ended with a wide bump
-    go on, because they might become better.
+    No further course is fitted if one explains the recording. If the best fit is local and does not
+    explain it, the fits that ended with a wide bump go on, because they might become better.
     """
-    count = null.noise.count
     widest = widest_bump(null.forward_model.simulator.system)
     limit = LARGEST_WIDTH_RATIO * widest
     fits: list[tuple[SourceFit, float]] = []
-    closest = min(screened, key=_misfit_on_mesh)
-    plainest, *others = sorted(screened, key=lambda each: each.penalty)
-    for each in (plainest, *sorted(others, key=lambda each: each is not closest)):
-        fit = fit_source(null, phi, each.source, size, tolerance, limit)
-        fits.append((fit, each.penalty))
-        is_hopeless = fit.chi2 > HOPELESS_CHI2 * count and fit.source.bump.width <= limit
-        if fit.chi2 < MAX_EXPLAINED_CHI2 * count or (each is closest and is_hopeless):
+    for each in sorted(screened, key=lambda each: each.penalty):
+        fits.append((fit_source(null, phi, each.source, size, tolerance, limit), each.penalty))
+        if fits[-1][0].chi2 < MAX_EXPLAINED_CHI2 * null.noise.count:
             break
     best, penalty = min(fits, key=_score)
-    is_explained = best.chi2 < MAX_EXPLAINED_CHI2 * count
+    is_explained = best.chi2 < MAX_EXPLAINED_CHI2 * null.noise.count
     is_local = best.source.bump.width <= widest
     if is_local and not is_explained:
         fits = [
@@ -184,11 +175,6 @@ def _best_fit(
     return min(fits, key=_score)
 
 
-def _misfit_on_mesh(screened: ScreenedSource) -> float:
-    """Return F without the penalty."""
-    return screened.score - screened.penalty
-
-
 def _score(fitted: tuple[SourceFit, float]) -> float:
     """Return F plus the penalty."""
     return fitted[0].cost + fitted[1]
@@ -201,7 +187,7 @@ def _penalty_of_one(null: LeastSquaresProblem) -> float:
 
 def _is_compact(screened: Sequence[ScreenedSource], constant: float, count: int) -> bool:
     """Return whether a source explains enough of the misfit beyond noise on a mesh."""
-    least = min(map(_misfit_on_mesh, screened))
+    least = min(found.score - found.penalty for found in screened)
     if screened[0].score > constant:
         return False
     return constant - least > MIN_SCREENED_SHARE * (constant - count) > 0

@@ -15,7 +15,7 @@ from dashred.inference.fit.least_squares import LeastSquaresProblem
 from dashred.inference.hypotheses.free_forcing import FreeForcing, fit_free_forcing
 from dashred.inference.hypotheses.sources import source_fit
 from dashred.inference.hypotheses.sources.bump import Bump
-from dashred.inference.hypotheses.sources.courses import Constant, Free, Periodic
+from dashred.inference.hypotheses.sources.courses import Constant
 from dashred.inference.hypotheses.sources.find_source import (
     FoundSource,
     _best_fit,
@@ -156,33 +156,3 @@ def test_a_wide_fit_goes_on_if_a_local_one_seems_better(
     found, _ = _best_fit(null, fitted(null), screened, channel.size, 0.01)
     assert found.source is (local if local_cost < 100 else wide)
     assert any(fitted_to_the_end) == (local_cost < 1000)
-
-
-@pytest.mark.parametrize(("left", "fitted_courses"), [(1.0, 2), (4.0, 3), (30.0, 2)])
-def test_further_courses_are_fitted_only_if_the_closest_one_leaves_little(
-    channel: Channel, left: float, fitted_courses: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    null = channel.objective(channel.recorded([("1", 0.1)]))
-    times = torch.linspace(0, 5, 6, dtype=torch.float64)
-    free = Free(times, torch.eye(6, dtype=torch.float64))
-    tried: list[Any] = []
-
-    def fit_source(
-        null: Any, phi: Any, source: Source, size: Any, tolerance: float, largest: float = math.inf
-    ) -> SimpleNamespace:
-        tried.append(source.course)
-        chi2 = null.noise.count * (left if source.course is free else 30.0)
-        return SimpleNamespace(source=source, cost=chi2, chi2=chi2, phi=phi)
-
-    monkeypatch.setattr(f"{find_source.__module__}.fit_source", fit_source)
-    courses = (Constant(), Periodic(1.0, 1, 5.0), free)
-    bump, amplitudes = Bump((PLACE,), WIDTH), torch.zeros(1, dtype=torch.float64)
-    screened = [
-        ScreenedSource(Source(0, bump, course, amplitudes), penalty, score)
-        for course, penalty, score in zip(
-            courses, (1.0, 2.0, 90.0), (300.0, 250.0, 200.0), strict=True
-        )
-    ]
-    _best_fit(null, fitted(null), screened, channel.size, 0.01)
-    plain, pulsating, _ = courses
-    assert tried == [plain, free, pulsating][:fitted_courses]
