@@ -16,6 +16,8 @@ LARGEST_CORRELATION = 0.99
 # or more, so this is the step of a 16-bit converter. The rounding and integration errors of
 # whatever made readings without noise would otherwise prove terms of their own size.
 LEAST_NOISE = 1e-3
+# Residuals whose mean square is larger, in units of σ², are those of a run that blows up.
+LARGEST_SQUARE = 1e12
 
 
 @dataclass(frozen=True)
@@ -105,7 +107,8 @@ class NoiseModel:
             if not noisy[:, in_group].any():
                 continue
             mean = float(squares[:, in_group].sum() / noisy[:, in_group].sum())
-            if not math.isfinite(mean):
+            # Written with "<", because the residuals may be NaN.
+            if not mean < LARGEST_SQUARE:
                 continue
             std[in_group] *= max(math.sqrt(mean / left), 1e-12)
             if self.least_std is not None:

@@ -202,6 +202,16 @@ def test_groups_without_samples_keep_their_sigma() -> None:
     assert float(after.std[1]) == 0.3
 
 
+@pytest.mark.parametrize("size", [1e20, 1e200, math.inf, math.nan])
+def test_residuals_of_a_run_that_blows_up_are_no_noise(size: float) -> None:
+    noise = model([0.3, 2.0], RHO, everywhere(50, 2))
+    residuals = white(50, 2)
+    residuals[:, 1] *= size
+    found = noise.estimate(residuals, ["u", "v"], 0)
+    assert found.std[1] == 2.0 and found.correlation[1] == 0.0
+    assert found.std[0] == pytest.approx(1.0, rel=0.3)
+
+
 def test_readings_without_noise_have_the_least_one() -> None:
     least = torch.tensor([1e-3, 2e-3], dtype=torch.float64)
     begun = replace(model([1.0, 2.0], 0.0, everywhere(100, 2)), least_std=least)

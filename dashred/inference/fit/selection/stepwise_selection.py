@@ -180,7 +180,8 @@ class _Search:
     def rescore(self) -> None:
         """Compute the scores of the near sets under the new noise model; the others get inf."""
         bound = self.best.score + SCORE_MARGIN
-        near = [found for found in self.tried.values() if found.score < bound]
+        # Written with "<=": all scores are infinite if the simulator blows up with every set.
+        near = [found for found in self.tried.values() if found.score <= bound]
         costs, _ = self.objective.values(torch.stack([found.phi for found in near]))
         for members, found in self.tried.items():
             self.tried[members] = replace(found, cost=math.inf, score=math.inf)

@@ -144,6 +144,18 @@ def test_a_wrong_noise_level_is_corrected(swing: Swing, believed: float) -> None
     torch.testing.assert_close(std, torch.full((2,), SIGMA).double(), rtol=0.2, atol=0)
 
 
+@pytest.mark.parametrize("start", [1e3, 1e60, 1e200])
+def test_a_search_where_all_sets_blow_up_ends_with_the_stated_noise(
+    swing: Swing, start: float
+) -> None:
+    objective = problem(swing, "one term", 0)
+    phi = torch.zeros(objective.modes + len(NAMES), dtype=torch.float64)
+    phi[: objective.modes] = start
+    found = select(objective, phi, [members("x**3")], silent)
+    assert found.objective.noise.std.isfinite().all()
+    assert float(found.objective.noise.std.max()) < 1e6 * SIGMA
+
+
 def test_a_proposal_is_always_refitted(swing: Swing) -> None:
     far: list[Set] = [members("1", "sin(3*x)", "x*p", "p**3"), members("x*p", "1", "c")]
     found = searched(problem(swing, "one term", 0), far)
