@@ -6,9 +6,10 @@ all states with the same noise, and all polynomials up to the second degree. The
 whole law. In one system all of it is left out here too, and in the others one of its seven terms.
 
 *Kuramoto-Sivashinsky*: Mojgani, Chattopadhyay & Hassanzadeh, *Discovery of interpretable structural
-model errors* (Chaos 32, 061105, 2022): on a domain of 100, nine simulators that lack one or two of
-the three terms, or half of one. The paper is given pairs of snapshots of the whole field, and
-compares one time step of the simulator with them.
+model errors by combining Bayesian sparse regression and data assimilation* (Chaos 32, 061105,
+2022): on a domain of 100, nine simulators that lack one or two of the three terms, or half of one.
+The paper is given pairs of snapshots of the whole field, and compares one time step of the
+simulator with them.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ GIVEN: dict[Given, str] = {
     "window": "the sensors, all samples at once",
     "past": "the sensors, sample by sample",
     "full state": "the full state with noise",
-    "pairs": "pairs of full states with noise, a short time apart",
+    "pairs": "pairs of full states, a short time apart",
     "form": "the sensors and the true terms, without their coefficients",
 }
 
@@ -54,9 +54,9 @@ PEERS: dict[str, Method] = {
     "ensemble_sindy": Method("PySINDy, ensemble", "full state", ("pysindy",)),
     "weak_pde": Method("PDE-FIND, weak form", "full state", ("pysindy",)),
     "pde_find": Method("PDE-FIND", "full state", ("pysindy",)),
-    "model_error": Method("MEDIDA", "pairs", ("scikit-learn",)),
-    "model_error_exact": Method(
-        "MEDIDA, without noise in the second state", "pairs", ("scikit-learn",)
+    "medida": Method("MEDIDA, noise in both states", "pairs", ("scikit-learn",)),
+    "medida_as_published": Method(
+        "MEDIDA, noise in the first state alone, as in its code", "pairs", ("scikit-learn",)
     ),
     "oracle": Method("oracle: least squares by SciPy", "form", ("scipy",)),
 }
@@ -70,7 +70,7 @@ ASKED: dict[int, tuple[str, ...]] = {
     2: ("pde_find", "filter"),
 }
 # Where there are pairs of states.
-ASKED_ABOUT_PAIRS = ("model_error", "model_error_exact")
+ASKED_ABOUT_PAIRS = ("medida", "medida_as_published")
 # They can only name a law, or none.
 KINDS: tuple[Kind, ...] = ("term", "nothing")
 
@@ -78,7 +78,8 @@ KINDS: tuple[Kind, ...] = ("term", "nothing")
 def asked_about(axes: int, truth: Truth) -> tuple[str, ...]:
     """Return the methods that are asked about a case.
 
-    One that is told the true terms has no question to answer where there are none.
+    One that is told the true terms has no question to answer where there are none, and one that
+    needs pairs of states is asked where the truth has them.
     """
     asked = tuple(name for name in ASKED[axes] if PEERS[name].given != "form" or truth.terms)
     return asked if truth.later is None else asked + ASKED_ABOUT_PAIRS

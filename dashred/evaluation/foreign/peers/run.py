@@ -39,7 +39,7 @@ def _methods() -> Mapping[str, Callable[[Path], list[TermEntry]]]:
     from dashred.evaluation.foreign.peers.full_field import full_field_pde_find
     from dashred.evaluation.foreign.peers.full_state import read_full_state
     from dashred.evaluation.foreign.peers.measured import all_measured, read_measured
-    from dashred.evaluation.foreign.peers.model_error import model_error_law
+    from dashred.evaluation.foreign.peers.medida import medida_law
     from dashred.evaluation.foreign.peers.shooting.evidence_removal import largest_evidence
     from dashred.evaluation.foreign.peers.shooting.oracle import fit_true_form
     from dashred.evaluation.foreign.peers.shooting.term_removal import joint_state_and_law
@@ -50,17 +50,17 @@ def _methods() -> Mapping[str, Callable[[Path], list[TermEntry]]]:
         given = read_measured(folder)
         return fit_true_form(given, read_true_form(folder, given.system))
 
-    def of_pairs(folder: Path) -> list[TermEntry]:
+    def medida(folder: Path) -> list[TermEntry]:
         full = read_full_state(folder)
-        return model_error_law(full, full.noise)
+        return medida_law(full, full.noise)
 
     return {
         "weak_sindy": lambda folder: sindy.weak_sindy(read_full_state(folder)),
         "ensemble_sindy": lambda folder: sindy.ensemble_sindy(read_full_state(folder)),
         "pde_find": lambda folder: full_field_pde_find(read_full_state(folder)),
         "weak_pde": lambda folder: weak_pde(read_full_state(folder)),
-        "model_error": of_pairs,
-        "model_error_exact": lambda folder: model_error_law(read_full_state(folder), 0.0),
+        "medida": medida,
+        "medida_as_published": lambda folder: medida_law(read_full_state(folder), 0.0),
         "filter": filter_with_coefficients,
         "joint_full": lambda folder: joint_state_and_law(all_measured(read_full_state(folder))),
         "evidence_full": lambda folder: largest_evidence(all_measured(read_full_state(folder))),

@@ -51,3 +51,12 @@ def test_a_case_of_a_field_is_made() -> None:
     assert made.system["equations"] == {"u": "-u*d(u, x)/2 + -lap(u) + -lap(lap(u))"}
     # Advection is quadratic: on the fine grid it has no mean.
     assert abs(made.truth.hidden.mean()) < 1e-3 * made.truth.hidden.std()
+    later = made.truth.later
+    assert later is not None and later.interval == 0.005 and later.states.shape == (100, 1, 192)
+    # The simulator has half of the advection, and the hidden term is the other half.
+    states, hidden = made.truth.states[:-1], made.truth.hidden[:-1]
+    wave = 2 * np.pi * np.fft.rfftfreq(192, 100 / 192)
+    others = np.fft.irfft((wave**2 - wave**4) * np.fft.rfft(states), 192)
+    rates = (later.states - states) / later.interval
+    difference = rates - (2 * hidden + others)
+    assert difference.std() < 0.03 * rates.std()

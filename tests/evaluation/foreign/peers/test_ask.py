@@ -21,7 +21,7 @@ from dashred.evaluation.foreign.cases.case import (
 )
 from dashred.evaluation.foreign.cases.case_files import read_simulator, write_case
 from dashred.evaluation.foreign.peers.ask import ask_peers
-from dashred.evaluation.foreign.peers.full_state import write_full_state
+from dashred.evaluation.foreign.peers.full_state import read_full_state, write_full_state
 from dashred.evaluation.foreign.peers.measured import read_measured
 from dashred.evaluation.foreign.peers.methods import (
     ASKED,
@@ -95,6 +95,16 @@ def test_a_method_writes_its_law(folder: Path, method: str) -> None:
     [term] = json.loads((folder / f"{method}.json").read_text())["terms"]
     assert (term["equation"], term["term"]) == ("v", "v")
     assert term["coefficient"] == pytest.approx(-0.4, rel=0.05)
+
+
+def test_later_states_are_stored(tmp_path: Path) -> None:
+    made = oscillator()
+    write_case(tmp_path, made)
+    later = LaterStates(0.1, made.truth.states[:-1] + 1)
+    write_full_state(tmp_path, replace(made.truth, later=later), CASE.noise, 3)
+    full = read_full_state(tmp_path)
+    assert full.later is not None and full.later.interval == 0.1
+    np.testing.assert_array_equal(full.later.states, later.states)
 
 
 def test_no_answer_is_one_line(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
