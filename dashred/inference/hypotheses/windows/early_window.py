@@ -6,11 +6,17 @@ from dashred.core.budget import OutOfTimeError
 from dashred.core.progress import Report
 from dashred.inference.fit.fitted_law import build_law
 from dashred.inference.fit.least_squares import LeastSquaresProblem
+from dashred.inference.fit.levenberg_marquardt import FitResult
 from dashred.inference.hypotheses.first_part import FirstPart, follows
-from dashred.inference.hypotheses.follow_to_end import follow_to_end
+from dashred.inference.hypotheses.follow_to_end import STEPS, TOLERANCE, follow_to_end
 from dashred.inference.hypotheses.hypothesis_fit import HypothesisFit
 from dashred.inference.hypotheses.windows.screening import screen
-from dashred.inference.hypotheses.windows.windowed_hypothesis import build_problem
+from dashred.inference.hypotheses.windows.windowed_hypothesis import (
+    Hypothesis,
+    build_problem,
+    first_unknowns,
+    fit_trial,
+)
 from dashred.inference.hypotheses.windows.windowed_laws import (
     fit_screened,
     fit_until_convergence,
@@ -69,4 +75,38 @@ def find_early_window(
     if last is None:
         return None
     score = last.cost + penalty_of(objective, hypothesis)
+    if _is_as_good_everywhere(objective, global_count, hypothesis, problem, last, score):
+        return None
     return HypothesisFit(build_law(problem, last, score), problem, last.phi)
+
+
+def _is_as_good_everywhere(
+    objective: LeastSquaresProblem,
+    global_count: int,
+    hypothesis: Hypothesis,
+    problem: LeastSquaresProblem,
+    fitted: FitResult,
+    score: float,
+) -> bool:
+    """Return whether the terms of a fitted window come near it if they act everywhere.
+
+    The window may have grown until it covers the record.
+
+    Args:
+        objective: F of all candidates over the whole record.
+        global_count: number of candidates that may act everywhere.
+        hypothesis: the window and its terms.
+        problem: F of the hypothesis.
+        fitted: its fit.
+        score: its score.
+    """
+    members = (*hypothesis.global_terms, *hypothesis.windowed_terms)
+    if max(members) >= global_count:
+        return False
+    everywhere = Hypothesis(tuple(sorted(members)))
+    z, xi = problem.split(fitted.phi)
+    coefficients = dict(zip(members, xi.tolist(), strict=False))
+    begin = first_unknowns(z, [coefficients[j] for j in everywhere.global_terms], None)
+    penalty = penalty_of(objective, everywhere)
+    trial = fit_trial(objective, everywhere, begin, STEPS, TOLERANCE, penalty)
+    return trial.score < score + MARGIN
