@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from dashred.data.inputs import values_at_times
 from dashred.data.recording import Recording
-from dashred.physics.expressions.algebra import Expr, Product, Sum, add, multiply, names, to_text
+from dashred.physics.expressions.algebra import Expr, Product, add, multiply, names, to_text
 from dashred.physics.system import System
 
 # A reading counts as missing if its factor is smaller than this share of the typical one.
@@ -45,16 +45,6 @@ def factored(terms: Sequence[Expr], clock: Collection[str]) -> Factored | None:
     if not names(factor) or not names(factor) <= clock or names(rest) & clock:
         return None
     return Factored(factor, rest)
-
-
-def expanded(term: Expr) -> Expr:
-    """Return a product of sums as a sum of products."""
-    parts = term.factors if isinstance(term, Product) else (term,)
-    sums = [part for part in parts if isinstance(part, Sum)]
-    if not sums or len(parts) == 1:
-        return term
-    others = [part for part in parts if part is not sums[0]]
-    return add([expanded(multiply([*others, summand])) for summand in sums[0].terms])
 
 
 def typical_factor(values: Sequence[NDArray[np.float64]]) -> float:

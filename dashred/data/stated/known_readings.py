@@ -18,9 +18,10 @@ from dashred.data.episodes import Episode, Episodes
 from dashred.data.inputs import values_at_times, with_inputs
 from dashred.data.recording import Recording
 from dashred.data.sensors import Sensor
-from dashred.data.stated.known_factor import SMALLEST, divided, expanded, factored, typical_factor
+from dashred.data.stated.known_factor import SMALLEST, divided, factored, typical_factor
 from dashred.physics.expressions.algebra import ZERO, Expr, add, names, summands, to_text
 from dashred.physics.expressions.free_names import free_name
+from dashred.physics.expressions.monomials import products
 from dashred.physics.system import System
 
 
@@ -179,7 +180,7 @@ def _split(system: System, sensor: Sensor) -> _Split:
     known = [term for term in terms if names(term) & system.clock and names(term) <= given]
     of_state = add([term for term in terms if term not in known])
     if mixed := names(of_state) & system.clock:
-        terms = [part for term in terms for part in summands(expanded(term))]
+        terms = [part for term in terms for part in products(term)]
         product = factored([term for term in terms if names(term) & fields], system.clock)
         rest = add([term for term in terms if not names(term) & fields])
         if product is not None and names(rest) <= given:

@@ -83,6 +83,11 @@ class StateSensors:
         self._gains = np.array([gain for _, gain, _ in found])
         self._offsets = np.array([offset for _, _, offset in found])
 
+    @property
+    def names_read(self) -> frozenset[str]:
+        """Names that any sensor reads."""
+        return frozenset().union(*map(algebra.names, self._reads))
+
     def fields_of(self, readings: Array) -> Array:
         """Return readings ``(…, sensor)`` as values of the field that each sensor reads."""
         found: Array = (readings - self._offsets) / self._gains

@@ -12,6 +12,7 @@ from dashred.inference.forward.candidates import Candidate, build_candidates
 from dashred.inference.forward.parameter_block import split_parameters
 from dashred.inference.segments.natural_scales import natural_scales
 from dashred.inference.segments.selection.equivalent_laws import merge_equivalent
+from dashred.inference.segments.selection.plainer_unit import in_plainer_unit
 from dashred.inference.segments.selection.search import SegmentSearch, search
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 from dashred.physics.tangents.ode_tangents import has_ode_tangents
@@ -109,5 +110,5 @@ def _search_record(
         least_std=LEAST_NOISE * record.noise_std,
         deadline=deadline,
     )
-    searched = search(weak, record.guesses, scales)
+    searched = in_plainer_unit(search(weak, record.guesses, scales))
     return searched if math.isfinite(searched.best.score) else None
