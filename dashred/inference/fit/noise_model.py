@@ -16,8 +16,9 @@ LARGEST_CORRELATION = 0.99
 # or more, so this is the step of a 16-bit converter. The rounding and integration errors of
 # whatever made readings without noise would otherwise prove terms of their own size.
 LEAST_NOISE = 1e-3
-# Residuals whose mean square is larger, in units of σ², are those of a run that blows up.
-LARGEST_SQUARE = 1e12
+# Residuals whose mean square is larger, in units of σ², are those of a run that blows up. A stated
+# σ may be too small by many orders of magnitude.
+LARGEST_SQUARE = 1e24
 
 
 @dataclass(frozen=True)

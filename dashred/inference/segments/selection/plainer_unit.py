@@ -5,7 +5,7 @@ from __future__ import annotations
 from dashred.inference.segments.natural_scales import NaturalScales, natural_scales
 from dashred.inference.segments.selection.rescaled_laws import RescaledLaw, rescaled_laws
 from dashred.inference.segments.selection.search import PRIOR, SELECTION, SegmentSearch, weighted
-from dashred.inference.segments.selection.set_selection import REFITTED, refit, select
+from dashred.inference.segments.selection.set_selection import REFITTED, refit, select, term_price
 
 
 def in_plainer_unit(found: SegmentSearch) -> SegmentSearch:
@@ -13,7 +13,8 @@ def in_plainer_unit(found: SegmentSearch) -> SegmentSearch:
 
     The scales of an unread field come from a first guess. If this is far off, the weights of F
     prefer the law in a unit in which the field is as large as guessed, even if it needs more terms
-    there. In the other unit, the scales are those of the states of the law.
+    there. In the other unit, the scales are those of the states of the law. The prior of the start
+    is in the unit of the simulator in both.
 
     Args:
         found: the search.
@@ -22,12 +23,14 @@ def in_plainer_unit(found: SegmentSearch) -> SegmentSearch:
     for law in rescaled_laws(found.problem, best.members, best.fit):
         natural = _scales_of(found, law)
         problem = weighted(found.problem, natural, SELECTION, PRIOR)
-        if problem.deadline.is_over:
-            break
         begun = refit(problem, law.point, law.members)
         proposals = [law.members, *(each.members for each in found.laws[:REFITTED])]
         laws = select(problem, problem, begun.point, proposals)
-        if len(laws[0].members) < len(best.members):
+        saved = len(best.members) - len(laws[0].members)
+        largest = best.fit.cost + saved * found.level * term_price(problem)
+        if problem.deadline.is_over:
+            break
+        if saved > 0 and laws[0].fit.cost < largest:
             return SegmentSearch(problem, natural, laws)
     return found
 
@@ -35,7 +38,7 @@ def in_plainer_unit(found: SegmentSearch) -> SegmentSearch:
 def _scales_of(found: SegmentSearch, law: RescaledLaw) -> NaturalScales:
     """Return the natural scales at the states of a law."""
     problem, size = found.problem, found.natural.size.copy()
-    size[law.field] *= law.unit
+    size[law.field] *= abs(law.unit)
     return natural_scales(
         problem.simulator,
         problem.sensors,

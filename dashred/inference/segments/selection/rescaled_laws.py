@@ -3,11 +3,13 @@
 If no sensor reads v, then ``w = a v`` gives the same readings. A term ``c v^d (…)`` of another
 equation becomes ``c a^-d w^d (…)``, and one of v's own equation becomes ``c a^(1-d) w^d (…)``. In
 another unit than that of the simulator, a law needs further terms, which change the simulator's own
-terms of v. The fit of the plainer law may not get there, because all states of v change.
+terms of v. A fit of the plainer law that begins at these states may get stuck, because all states
+of v have to change.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
@@ -24,8 +26,11 @@ from dashred.physics.expressions.monomials import degree, products
 Key = tuple[str, Expr]
 """An equation, and a product without its number."""
 
-# A coefficient below this share of the simulator's own, or of the law's, is zero.
+# A change of a coefficient by less than this share of the larger of the two values is none, and a
+# coefficient below this share of the simulator's own is zero.
 SMALLEST = 0.1
+# Units beyond this factor, or its inverse, are those of a coefficient that is nearly zero.
+LARGEST_UNIT = 1e3
 
 
 class RescaledLaw(NamedTuple):
@@ -61,7 +66,7 @@ class _Monomial(NamedTuple):
 def rescaled_laws(
     problem: WeakConstraintProblem, members: Set, fit: NodeFit
 ) -> Iterator[RescaledLaw]:
-    """Yield smaller laws that give the same readings.
+    """Yield smaller laws that give the same readings, the smallest first.
 
     In the unit of such a law, a term of the simulator that the law changes has its own coefficient
     again.
@@ -87,20 +92,21 @@ def rescaled_laws(
     whole = own | {
         key: own.get(key, 0.0) + factor * float(fit.point.xi[j]) for key, (j, factor) in law.items()
     }
+    found = []
     for place, name in enumerate(system.fields):
-        if name in problem.sensors.names_read:
-            continue
-        monomials = _monomials(own, whole, name)
+        monomials = None if name in problem.sensors.names_read else _monomials(own, whole, name)
         if monomials is None:
             continue
         for unit in _units([monomials[key] for key in law]):
-            found = _in_unit(monomials, candidates, unit)
-            if found is not None and len(found) < len(members):
-                nodes, xi = fit.point.nodes.copy(), np.zeros_like(fit.point.xi)
-                nodes[:, place] *= unit
-                xi[list(found)] = list(found.values())
-                moved = replace(fit.point, nodes=nodes, xi=xi)
-                yield RescaledLaw(place, unit, tuple(sorted(found)), moved)
+            xi = _in_unit(monomials, candidates, unit)
+            if xi is not None and len(xi) < len(members):
+                found.append((place, unit, xi))
+    for place, unit, xi in sorted(found, key=lambda each: len(each[2])):
+        nodes, coefficients = fit.point.nodes.copy(), np.zeros_like(fit.point.xi)
+        nodes[:, place] *= unit
+        coefficients[list(xi)] = list(xi.values())
+        moved = replace(fit.point, nodes=nodes, xi=coefficients)
+        yield RescaledLaw(place, unit, tuple(sorted(xi)), moved)
 
 
 def _keys(problem: WeakConstraintProblem, index: int) -> list[tuple[Key, float]]:
@@ -131,9 +137,14 @@ def _units(changed: list[_Monomial]) -> list[float]:
     """Return the units a in which a changed term has the simulator's own coefficient."""
     units: list[float] = []
     for own, whole, power in changed:
-        if power and own and whole / own > 0:
-            unit = (whole / own) ** (1 / power)
-            if all(abs(unit / other - 1) > SMALLEST for other in units):
+        if power == 0 or own == 0 or abs(whole) < SMALLEST * abs(own):
+            continue
+        ratio = whole / own
+        size = abs(ratio) ** (1 / power)
+        signed = [math.copysign(size, ratio)] if power % 2 else [size, -size] if ratio > 0 else []
+        for unit in signed:
+            is_new = all(abs(unit / other - 1) > SMALLEST for other in units)
+            if is_new and 1 / LARGEST_UNIT < size < LARGEST_UNIT:
                 units.append(unit)
     return units
 
@@ -145,7 +156,9 @@ def _in_unit(
     found = {}
     for key, (own, whole, power) in monomials.items():
         value = whole / unit**power
-        if abs(value - own) < SMALLEST * max(abs(value), abs(own)):
+        # Where the unit plays no part, the law keeps its terms, however small they are.
+        smallest = SMALLEST * max(abs(value), abs(own)) if power else 0.0
+        if abs(value - own) <= smallest:
             continue
         if key not in candidates:
             return None

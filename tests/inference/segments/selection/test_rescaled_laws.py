@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from dashred.inference.segments.selection.set_selection import SegmentLaw, refit
 from dashred.inference.segments.state_sensors import StateSensors
 from dashred.inference.segments.weak_constraint import WeakConstraintProblem
 from tests import laws
-from tests.inference.segments.conftest import Convection, Find, weak_problem
+from tests.inference.segments.conftest import TEXT, Convection, Find, weak_problem
 
 # The law of z in half of its unit: -x z and x y change in the simulator's equations.
 HALVED = {"y: y": -1.0, "y: x*z": -1.0, "z: x*y": -0.5}
@@ -52,8 +53,8 @@ def test_the_unit_of_the_simulator_is_found(convection: Convection) -> None:
     "law",
     [
         {"y: y": -1.0},
-        # Of another sign: no unit makes the term of the simulator out of it.
-        {"y: y": -1.0, "y: x*z": 2.0},
+        # The unit is that of a coefficient that is nearly zero.
+        {"y: y": -1.0, "y: x*z": 0.99, "z: x*y": -0.99},
         # In no unit does the law have fewer terms.
         {"y: x*z": -1.0},
         {"y: y": -1.0, "y: x*z": -1.0},
@@ -61,6 +62,24 @@ def test_the_unit_of_the_simulator_is_found(convection: Convection) -> None:
 )
 def test_other_laws_stay(convection: Convection, law: Mapping[str, float]) -> None:
     assert rescaled(convection, law, weak_problem(convection)) == []
+
+
+def test_a_field_of_the_other_sign(convection: Convection) -> None:
+    law = {"y: y": -1.0, "y: x*z": 2.0, "z: x*y": -2.0}
+    [found] = rescaled(convection, law, weak_problem(convection))
+    assert found.unit == -1.0 and found.members == (convection.index("y: y"),)
+
+
+def test_a_small_term_without_the_field_stays(convection: Convection) -> None:
+    [found] = rescaled(convection, HALVED | {"x: x": 0.3}, weak_problem(convection))
+    assert found.members == tuple(sorted(convection.index(name) for name in ("x: x", "y: y")))
+
+
+def test_an_equation_without_terms(convection: Convection, tmp_path: Path) -> None:
+    system = laws.declared(tmp_path, TEXT.replace("x: 10*(y - x)", "x: 0"))
+    empty = replace(convection, system=system)
+    [found] = rescaled(empty, HALVED, weak_problem(empty))
+    assert found.members == (convection.index("y: y"),)
 
 
 def test_a_function_that_is_no_power_of_the_field_fixes_its_unit(convection: Convection) -> None:
@@ -90,6 +109,19 @@ def test_a_search_that_ended_in_another_unit_is_repeated(
     true: Array = convection.states[:, 2]
     assert np.abs(again.best.fit.point.nodes[:, 2]).max() == pytest.approx(true.max(), rel=0.1)
     assert in_plainer_unit(found) is found
+
+
+def test_a_smaller_law_that_leaves_more_is_not_used(
+    convection: Convection, find: Find, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = find(convection.readings)
+    halved = in_half_unit(found, [str(candidate) for candidate in found.problem.candidates])
+
+    def select(problem: WeakConstraintProblem, *_: object) -> list[SegmentLaw]:
+        return [SegmentLaw((), replace(halved.best.fit, cost=1e6), 0.0)]
+
+    monkeypatch.setattr("dashred.inference.segments.selection.plainer_unit.select", select)
+    assert in_plainer_unit(halved) is halved
 
 
 def in_half_unit(found: SegmentSearch, names: list[str]) -> SegmentSearch:
