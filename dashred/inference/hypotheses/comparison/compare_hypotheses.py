@@ -95,7 +95,9 @@ def compare_hypotheses(
         return compared
     noise = null.objective.noise
     laws = distinct_laws([*(fit.law for fit in with_faults), *(fit.law for fit in rivals)])
-    return Comparison(laws, null.law, noise, noise, 0.0, None, is_cut_short=True)
+    return Comparison(
+        laws, null.law, noise, noise, 0.0, None, source=laws[0].source, is_cut_short=True
+    )
 
 
 def _compare_all(

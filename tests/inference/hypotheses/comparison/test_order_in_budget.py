@@ -81,6 +81,20 @@ def test_a_fault_is_found_before_the_time_ends(
         assert found.is_cut_short and budget.not_tried == ["causes other than sensor faults"]
 
 
+def test_a_source_is_told_where_it_is_if_the_time_ends(
+    waves: Waves, monkeypatch: pytest.MonkeyPatch, clock: Clock
+) -> None:
+    source = object()
+
+    def with_source(best: HypothesisFit, *_: Any) -> list[HypothesisFit]:
+        return [replace(best, law=replace(best.law, source=source))]
+
+    monkeypatch.setattr(module, "fit_fault_hypotheses", with_source)
+    end_at(monkeypatch, clock, "fit_residual_forcing")
+    found = compare_until(waves, clock, Budget())
+    assert found.is_cut_short and found.source is source
+
+
 def test_without_time_for_faults_nothing_is_compared(
     waves: Waves, monkeypatch: pytest.MonkeyPatch, clock: Clock
 ) -> None:
