@@ -84,7 +84,7 @@ def test_a_fault_is_found_before_the_time_ends(
 def test_a_source_is_told_where_it_is_if_the_time_ends(
     waves: Waves, monkeypatch: pytest.MonkeyPatch, clock: Clock
 ) -> None:
-    source = object()
+    source: Any = object()
 
     def with_source(best: HypothesisFit, *_: Any) -> list[HypothesisFit]:
         return [replace(best, law=replace(best.law, source=source))]
